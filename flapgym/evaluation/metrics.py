@@ -1,0 +1,134 @@
+"""Load and actuation metrics of recorded series: rms, damage-equivalent load, flap use (paper sections III and IV.C)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rainflow
+from numpy.typing import ArrayLike, NDArray
+
+FATIGUE_SLOPE = 10.0
+"""Slope of the S-N curve, typical of composite blades (the paper's choice)."""
+
+EQUIVALENT_FREQUENCY = 1.0
+"""Frequency of the constant-range load cycle that does the same damage [Hz]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Every plant sample of one or more realisations, leading axis the realisation, blades last.
+
+    Attributes
+    ----------
+    rbm, tip_deflection : (N, T, 3) float
+        Flapwise root bending moment [N m] and tip deflection [m].
+    flap_angle, flap_rate : (N, T, 3) float
+        Flap motion after its stops [rad, rad/s].
+    tower_fore_aft, wind : (N, T) float
+        Tower-top displacement downwind [m], wind perturbation [m/s].
+    time_step : float
+        Sampling time [s].
+    """
+
+    rbm: NDArray[np.float64]
+    tip_deflection: NDArray[np.float64]
+    flap_angle: NDArray[np.float64]
+    flap_rate: NDArray[np.float64]
+    tower_fore_aft: NDArray[np.float64]
+    wind: NDArray[np.float64]
+    time_step: float
+
+
+@dataclass(frozen=True, eq=False)
+class Metrics:
+    """Metrics of each realisation, and of each blade where a blade has one.
+
+    Attributes
+    ----------
+    rbm_rms, tip_rms, rbm_del : (N, 3) float
+        Rms of root bending moment [N m] and tip deflection [m] about zero; damage-equivalent load, a range [N m].
+    tower_rms : (N,) float
+        Rms of the tower-top displacement [m].
+    flap_angle_max, flap_rate_max : (N,) float
+        Largest modulus over time and blades [rad, rad/s].
+    flap_travel : (N,) float
+        Path of the flap per unit of time, mean over blades [rad/s].
+    """
+
+    rbm_rms: NDArray[np.float64]
+    tip_rms: NDArray[np.float64]
+    rbm_del: NDArray[np.float64]
+    tower_rms: NDArray[np.float64]
+    flap_angle_max: NDArray[np.float64]
+    flap_rate_max: NDArray[np.float64]
+    flap_travel: NDArray[np.float64]
+
+
+def measure(record: Record) -> Metrics:
+    """All metrics of a record."""
+    duration = (record.flap_angle.shape[1] - 1) * record.time_step
+    path = np.abs(np.diff(record.flap_angle, axis=1)).sum(axis=1).mean(axis=1)
+    return Metrics(
+        rbm_rms=root_mean_square(record.rbm, axis=1),
+        tip_rms=root_mean_square(record.tip_deflection, axis=1),
+        rbm_del=np.array(
+            [
+                [damage_equivalent_load(blade, record.time_step) for blade in realisation.T]
+                for realisation in record.rbm
+            ]
+        ),
+        tower_rms=root_mean_square(record.tower_fore_aft, axis=1),
+        flap_angle_max=np.abs(record.flap_angle).max(axis=(1, 2)),
+        flap_rate_max=np.abs(record.flap_rate).max(axis=(1, 2)),
+        flap_travel=path / duration,
+    )
+
+
+def root_mean_square(series: ArrayLike, axis: int = -1) -> NDArray[np.float64]:
+    """Root mean square about zero along `axis`."""
+    return np.sqrt(np.mean(np.square(np.asarray(series, dtype=float)), axis=axis))
+
+
+def damage_equivalent_load(
+    series: ArrayLike,
+    time_step: float,
+    slope: float = FATIGUE_SLOPE,
+    equivalent_frequency: float = EQUIVALENT_FREQUENCY,
+) -> float:
+    """Range of the sinusoid at `equivalent_frequency` that does the damage of the series, in the series' unit.
+
+    (sum n_i S_i^m / (f_eq T))^(1/m) over the rainflow cycles of range S_i, n_i = 1/2 or 1 (ASTM E1049-85), with
+    T the series' duration and no binning.
+
+    Parameters
+    ----------
+    series : (T,) array_like
+        Load history.
+    time_step : float
+        Sampling time [s].
+    slope : float
+        S-N slope m.
+    equivalent_frequency : float
+        [Hz].
+    """
+    values = np.asarray(series, dtype=float)
+    cycles = np.array([(span, count) for span, _, count, _, _ in rainflow.extract_cycles(turning_points(values))])
+    if not cycles.size:
+        return 0.0
+    largest = cycles[:, 0].max()
+    if largest == 0.0:
+        return 0.0
+    # Powers of the ratio to the largest range: S^10 of a load in N m would waste the exponent.
+    damage = np.sum(cycles[:, 1] * (cycles[:, 0] / largest) ** slope)
+    return float(largest * (damage / (equivalent_frequency * values.size * time_step)) ** (1.0 / slope))
+
+
+def turning_points(series: NDArray[np.float64]) -> NDArray[np.float64]:
+    """First and last value and the extremes between, in order: all that rainflow counting looks at."""
+    distinct = series[np.concatenate([[True], np.diff(series) != 0.0])]
+    if distinct.size < 3:
+        return distinct
+    direction = np.sign(np.diff(distinct))
+    inner = direction[:-1] != direction[1:]
+    return distinct[np.concatenate([[True], inner, [True]])]

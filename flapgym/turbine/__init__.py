@@ -1,0 +1,35 @@
+"""The machine and the case: frozen data read from TOML files with units, refused where they are not understood."""
+
+from flapgym.turbine.case import Case, Discretisation, Flap, OperatingPoint, Reduction, Turbulence
+from flapgym.turbine.files import load_case, load_turbine
+from flapgym.turbine.machine import (
+    Airfoil,
+    BladeSections,
+    Drivetrain,
+    Hub,
+    Nacelle,
+    Planform,
+    Rotor,
+    TowerSections,
+    Turbine,
+)
+
+__all__ = [
+    "Airfoil",
+    "BladeSections",
+    "Case",
+    "Discretisation",
+    "Drivetrain",
+    "Flap",
+    "Hub",
+    "Nacelle",
+    "OperatingPoint",
+    "Planform",
+    "Reduction",
+    "Rotor",
+    "TowerSections",
+    "Turbine",
+    "Turbulence",
+    "load_case",
+    "load_turbine",
+]

@@ -1,0 +1,193 @@
+"""A case: the turbine, its operating point, the flap and the discretisation (paper Sections II and IV)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+
+from flapgym.turbine.fields import Count, Quantity, Text, check_fields
+from flapgym.turbine.machine import Turbine
+from flapgym.turbine.units import DEGREE
+
+_Limit = 1000 * DEGREE
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """The steady state about which the turbine is linearised.
+
+    Attributes
+    ----------
+    wind_speed : float
+        Mean wind along the shaft [m/s].
+    tip_speed_ratio : float
+        Speed of the blade tip over the wind speed.
+    pitch : float
+        Collective blade pitch, positive with the leading edge upwind [rad].
+    air_density : float
+        [kg/m^3]
+    """
+
+    wind_speed: Annotated[float, Quantity("speed", above=0.0, at_most=60.0)]
+    tip_speed_ratio: Annotated[float, Quantity("number", above=0.0, at_most=20.0)]
+    pitch: Annotated[float, Quantity("angle", above=-90 * DEGREE, below=90 * DEGREE)]
+    air_density: Annotated[float, Quantity("density", above=0.0)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "operating_point")
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """Beam elements, vortex lattice, wake and time step.
+
+    Attributes
+    ----------
+    blade_elements, tower_elements : int
+        Beam elements of a blade and of the tower.
+    first_lattice_node : int
+        Blade node, counted from zero at the root, at which the lattice begins; its spanwise edges lie on the nodes.
+    chordwise_panels : int
+        Panels along the chord.
+    time_step : float
+        [s]
+    wake_length : float
+        Length of the wake downwind of the rotor, in rotor diameters.
+    induction : float
+        Axial induction factor by which the wake's transport is slowed; zero for a wake carried at the wind speed.
+    """
+
+    blade_elements: Annotated[int, Count(at_least=1)]
+    tower_elements: Annotated[int, Count(at_least=1)]
+    first_lattice_node: Annotated[int, Count(at_least=0)]
+    chordwise_panels: Annotated[int, Count(at_least=1)]
+    time_step: Annotated[float, Quantity("time", above=0.0, at_most=1.0)]
+    wake_length: Annotated[float, Quantity("length in rotor diameters", above=0.0)]
+    induction: Annotated[float, Quantity("number", at_least=0.0, below=0.5)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "discretisation")
+        if not self.first_lattice_node < self.blade_elements:
+            raise ValueError(
+                f"discretisation.first_lattice_node: expected less than discretisation.blade_elements "
+                f"({self.blade_elements}), got {self.first_lattice_node}"
+            )
+
+
+@dataclass(frozen=True)
+class Flap:
+    """The trailing-edge flap of each blade and the limits of its actuator.
+
+    Attributes
+    ----------
+    span_start, span_end : float
+        Ends of the flap as fractions of the lattice's span.
+    chord_fraction : float
+        Flap chord over local chord; a whole number of chordwise panels.
+    effectiveness : float or "glauert"
+        Factor on the downwash of the flap's panels: "glauert" for the one that gives thin-aerofoil theory's lift
+        (see `flapgym.aerodynamics`), 1 for the lattice's own.
+    angle_limit, rate_limit, acceleration_limit : float
+        Largest angle [rad], rate [rad/s] and commanded acceleration [rad/s^2], to either side.
+    """
+
+    span_start: Annotated[float, Quantity("number", at_least=0.0, below=1.0)]
+    span_end: Annotated[float, Quantity("number", above=0.0, at_most=1.0)]
+    chord_fraction: Annotated[float, Quantity("number", above=0.0, at_most=1.0)]
+    effectiveness: Annotated[
+        float | Literal["glauert"], Quantity("number", words=("glauert",), above=0.0, at_most=10.0)
+    ]
+    angle_limit: Annotated[float, Quantity("angle", above=0.0, at_most=30 * DEGREE)]
+    rate_limit: Annotated[float, Quantity("angular rate", above=0.0, at_most=_Limit)]
+    acceleration_limit: Annotated[float, Quantity("angular acceleration", above=0.0, at_most=1000 * _Limit)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "flap")
+        if not self.span_start < self.span_end:
+            raise ValueError(
+                f"flap.span_end: expected more than flap.span_start ({self.span_start}), got {self.span_end}"
+            )
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Sizes of the reduced model.
+
+    Attributes
+    ----------
+    blade_modes, tower_modes : int
+        Structural modes kept for each blade, and for tower, nacelle and shaft together.
+    aerodynamic_states : int
+        Balanced states kept for each cyclic component of the aerodynamics.
+    """
+
+    blade_modes: Annotated[int, Count(at_least=1)]
+    tower_modes: Annotated[int, Count(at_least=1)]
+    aerodynamic_states: Annotated[int, Count(at_least=1)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "reduction")
+
+
+@dataclass(frozen=True)
+class Turbulence:
+    """The reference turbulence: standard deviation over mean wind, and von Karman length scale [m]."""
+
+    intensity: Annotated[float, Quantity("number", above=0.0, at_most=1.0)]
+    length_scale: Annotated[float, Quantity("length", above=0.0)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "turbulence")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """Everything a model is built from; SI units and radians throughout."""
+
+    name: Annotated[str, Text()]
+    turbine: Turbine
+    operating_point: OperatingPoint
+    discretisation: Discretisation
+    flap: Flap
+    reduction: Reduction
+    turbulence: Turbulence
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        self.turbine.blade_sections(self.discretisation.blade_elements)
+        panels = self.flap.chord_fraction * self.discretisation.chordwise_panels
+        if round(panels) < 1 or not math.isclose(panels, round(panels), abs_tol=1e-9):
+            raise ValueError(
+                f"flap.chord_fraction: expected a multiple of one chordwise panel "
+                f"(1/{self.discretisation.chordwise_panels}), got {self.flap.chord_fraction}"
+            )
+
+    @property
+    def rotor_speed(self) -> float:
+        """Angular speed of the rotor, tip-speed ratio times wind speed over radius [rad/s]."""
+        point = self.operating_point
+        return point.tip_speed_ratio * point.wind_speed / self.turbine.rotor.radius
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return every value of the case and its turbine as nested dictionaries, lists and numbers, in SI."""
+        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+
+    def hash(self) -> str:
+        """SHA-256 (hexadecimal) over every value of the case and its turbine but their two names."""
+        content = self.to_dict()
+        del content["name"], content["turbine"]["name"]
+        canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value):
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray | tuple):
+        return [_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    return value

@@ -1,0 +1,97 @@
+"""Where turbines and cases come from: the TOML files of this package, or a user's own.
+
+A file may say `base = "nrel5mw-rated"` (a built-in name, or a path relative to the file) and then holds only what
+differs: tables are merged key by key, anything else is replaced. `name` is never inherited, so that no two cases
+share one. A case names its turbine the same way.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, TypeVar
+
+from flapgym.turbine.case import Case
+from flapgym.turbine.fields import Text, read
+from flapgym.turbine.machine import Turbine
+
+T = TypeVar("T")
+
+BUILT_IN = {"turbine": ("nrel5mw",), "case": ("nrel5mw-rated",)}
+
+
+def load_turbine(name_or_path: str | os.PathLike[str] = "nrel5mw") -> Turbine:
+    """Read a turbine by its built-in name or from a TOML file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is neither; the message lists the built-in names.
+    ValueError
+        If the file says anything that is not understood; the message names the field and the file.
+    """
+    return _load(Turbine, _find(name_or_path, "turbine", Path()), "turbine")
+
+
+def load_case(name_or_path: str | os.PathLike[str] = "nrel5mw-rated") -> Case:
+    """Read a case by its built-in name or from a TOML file; raises as `load_turbine`."""
+    return _load(Case, _find(name_or_path, "case", Path()), "case")
+
+
+def _find(name_or_path: str | os.PathLike[str], kind: str, folder: Path) -> Path:
+    """Return the file of a built-in name, or of a path relative to `folder`."""
+    text = os.fspath(name_or_path)
+    if text in BUILT_IN[kind]:
+        # The package is installed as plain files, so the resource is a path.
+        return Path(str(resources.files("flapgym.turbine").joinpath("data", f"{text}.toml")))
+    path = folder / text
+    if not path.is_file():
+        known = ", ".join(BUILT_IN[kind])
+        raise FileNotFoundError(
+            f"{kind} {text!r}: no such file; give a TOML file or a built-in name ({known})"
+        )
+    return path
+
+
+def _load(cls: type[T], path: Path, kind: str) -> T:
+    document = _merged(path, kind, ())
+    try:
+        return read(cls, document)
+    except ValueError as error:
+        raise ValueError(f"{error} (in {path})") from None
+
+
+def _merged(path: Path, kind: str, derived: tuple[Path, ...]) -> dict[str, Any]:
+    """Parse a file and lay it over its base; `derived` are the files that led here."""
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        if kind == "case" and "turbine" in document:
+            named = Text().check(document["turbine"], "turbine")
+            document["turbine"] = _load(Turbine, _find(named, "turbine", path.parent), "turbine")
+        if "base" not in document:
+            return document
+        base = _find(Text().check(document.pop("base"), "base"), kind, path.parent)
+        chain = (*derived, path.resolve())
+        if base.resolve() in chain:
+            raise ValueError(f"base: expected a file that does not lead back here, got {base}")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: not a TOML file (it is not UTF-8 text)") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path}: not valid TOML: {error}") from None
+    except ValueError as error:
+        raise error if " (in " in str(error) else ValueError(f"{error} (in {path})") from None
+    inherited = _merged(base, kind, chain)
+    inherited.pop("name", None)
+    return _overlaid(inherited, document)
+
+
+def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge nested tables, the second over the first."""
+    both = {**base, **over}
+    for key in base.keys() & over.keys():
+        if isinstance(base[key], dict) and isinstance(over[key], dict):
+            both[key] = _overlaid(base[key], over[key])
+    return both

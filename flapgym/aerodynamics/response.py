@@ -1,0 +1,103 @@
+"""Response of the vortex lattice in the z-domain and by time marching (paper eq. 8 and 12).
+
+The wake is a pure shift register, so with Gamma^{t-k} = z^-k Gamma^t each cyclic component obeys
+H(z) Gamma = -w with H(z) = A_b + W(z) S, W(z) = sum_k z^-k A_w,k, of which only the strips' last circulations
+S Gamma need be solved for at each frequency (capacitance form).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flapgym.aerodynamics.model import Aerodynamics
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_BLOCK = 512  # frequencies handled at once: keeps the table of powers of z below some MB
+
+
+def transfer_function(
+    aero: Aerodynamics, component: int, z: ArrayLike, downwash: ArrayLike, load: ArrayLike
+) -> ComplexArray:
+    """Loads per unit input of one cyclic component at points z of the complex plane.
+
+    Parameters
+    ----------
+    component : int
+        0 collective, 1 whirl (circulation of blade b is exp(+2j pi b / 3) times that of blade 1).
+    z : (nz,) complex
+        exp(j omega dt), or any other point with |z| > 0.
+    downwash : (n, nu) float or complex
+        Downwash at the collocation points per unit of every input [m/s].
+    load : (ny, 3 P) float
+        Outputs as sums over the forces at `aero.force_point` [1/N].
+
+    Returns
+    -------
+    (nz, ny, nu) complex: output at a step per input at the same step.
+    """
+    z, downwash, load = np.atleast_1d(np.asarray(z)), np.asarray(downwash), np.asarray(load)
+    bound, wake = aero.bound_influence[component], aero.wake_influence[component]
+    n, strips, rows = wake.shape
+    lags, ny, nu = aero.force.shape[0], load.shape[0], downwash.shape[1]
+    # Rows of interest of Gamma: the strips' last rings, then the loads by lag.
+    wanted = np.concatenate([np.eye(n)[-strips:], *(load @ force for force in aero.force)])
+    wanted = np.linalg.solve(bound.T, wanted.T).T
+    per_input = -wanted @ downwash
+    per_wake = -(wanted @ wake.reshape(n, -1)).reshape(-1, rows)
+    response = np.empty((z.size, ny, nu), dtype=complex)
+    for first in range(0, z.size, _BLOCK):
+        part = z[first : first + _BLOCK]
+        powers = part[:, None] ** -np.arange(1.0, rows + 1.0)
+        feedback = (powers @ per_wake.T).reshape(part.size, -1, strips)
+        shed = np.linalg.solve(np.eye(strips) - feedback[:, :strips], per_input[None, :strips])
+        by_lag = (per_input[None, strips:] + feedback[:, strips:] @ shed).reshape(part.size, lags, ny, nu)
+        shift = part[:, None] ** -np.arange(float(lags))
+        response[first : first + _BLOCK] = np.einsum("zl,zlyu->zyu", shift, by_lag)
+    return response
+
+
+def steady_circulation(aero: Aerodynamics, downwash: ArrayLike) -> Array:
+    """Circulation (n, nu) [m^2/s] of each blade under steady downwash (n, nu) [m/s], equal on all blades."""
+    total = aero.bound_influence[0].real.copy()
+    strips = aero.lattice.strips
+    total[:, -strips:] += aero.wake_influence[0].real.sum(axis=2)
+    return np.asarray(-np.linalg.solve(total, np.asarray(downwash)))
+
+
+def march(aero: Aerodynamics, downwash: ArrayLike) -> tuple[Array, Array]:
+    """Reference solution in time of all blades' full state, from rest; nothing in production uses it.
+
+    Parameters
+    ----------
+    downwash : (T, blades, n) float
+        Downwash at the collocation points of each blade [m/s].
+
+    Returns
+    -------
+    circulation : (T, blades, n) float
+        Bound circulations [m^2/s].
+    force : (T, blades, P, 3) float
+        Forces at `force_point` of each blade, in that blade's own axes [N].
+    """
+    downwash = np.asarray(downwash, dtype=float)
+    steps, blades, n = downwash.shape
+    strips, rows, lags = aero.lattice.strips, aero.wake_rows, aero.force.shape[0]
+    # What blade j feels of blade i depends on (i - j) alone.
+    order = (np.arange(blades)[None] - np.arange(blades)[:, None]) % blades
+    bound = aero.bound_pair[order].transpose(0, 2, 1, 3).reshape(blades * n, blades * n)
+    wake = aero.wake_pair[order].transpose(0, 2, 1, 3, 4).reshape(blades * n, -1)
+    inverse = np.linalg.inv(bound)
+    shed = np.zeros((blades, strips, rows))
+    past = np.zeros((lags, blades, n))
+    circulation = np.empty((steps, blades, n))
+    force = np.empty((steps, blades, aero.force_point.size))
+    for t in range(steps):
+        gamma = -inverse @ (downwash[t].ravel() + wake @ shed.ravel())
+        circulation[t] = gamma.reshape(blades, n)
+        past = np.concatenate([circulation[t][None], past[:-1]])
+        force[t] = np.einsum("lfn,lbn->bf", aero.force, past)
+        shed = np.concatenate([circulation[t][:, -strips:, None], shed[:, :, :-1]], axis=2)
+    return circulation, force.reshape(steps, blades, -1, 3)

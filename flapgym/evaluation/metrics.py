@@ -1,4 +1,4 @@
-"""Load and actuation metrics of recorded series: rms, damage-equivalent load, flap use (paper sections III and IV.C)."""
+"""Load and actuation metrics of recorded series: rms, damage-equivalent load, flap use (paper section IV.C)."""
 
 from __future__ import annotations
 
@@ -113,7 +113,9 @@ def damage_equivalent_load(
         [Hz].
     """
     values = np.asarray(series, dtype=float)
-    cycles = np.array([(span, count) for span, _, count, _, _ in rainflow.extract_cycles(turning_points(values))])
+    cycles = np.array(
+        [(span, count) for span, _, count, _, _ in rainflow.extract_cycles(turning_points(values))]
+    )
     if not cycles.size:
         return 0.0
     largest = cycles[:, 0].max()

@@ -1,0 +1,29 @@
+"""Controllers: the Agent protocol, PD and LQG on each blade, trained policies in numpy (paper sections III, IV.C)."""
+
+from flapgym.control.agent import Agent, OpenLoop
+from flapgym.control.agent_files import AGENT_NAMES, load_agent, made_for, save_agent
+from flapgym.control.blade_controller import BladeController
+from flapgym.control.closed_loop import Stability, closed_loop, stability, stationary_rms
+from flapgym.control.lqg import Weights, design_model, synthesise
+from flapgym.control.pd import PDGains, pd_controller
+from flapgym.control.policy import Policy
+
+__all__ = [
+    "AGENT_NAMES",
+    "Agent",
+    "BladeController",
+    "OpenLoop",
+    "PDGains",
+    "Policy",
+    "Stability",
+    "Weights",
+    "closed_loop",
+    "design_model",
+    "load_agent",
+    "made_for",
+    "pd_controller",
+    "save_agent",
+    "stability",
+    "stationary_rms",
+    "synthesise",
+]

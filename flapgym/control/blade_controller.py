@@ -1,0 +1,87 @@
+"""One linear controller on each blade, the three acting independently: PD and LQG run as this (paper section IV.C)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flapgym.control.agent import BLADES, Array, Floats, by_blade
+from flapgym.state_space import StateSpace
+
+CONTROLLER_INPUTS = ("rbm", "flap_angle", "flap_rate")
+CONTROLLER_OUTPUTS = ("acceleration",)
+
+
+@dataclass(frozen=True, eq=False)
+class BladeController:
+    """Three copies of a linear controller from a blade's own root bending moment and flap motion to its flap.
+
+    The flap angle and rate it reads are those after the stops. An observer inside therefore always knows what the flap
+    really did, which is all the anti-windup a saturating design needs.
+
+    Parameters
+    ----------
+    name : str
+        What tables call it.
+    system : StateSpace
+        Inputs ``CONTROLLER_INPUTS`` [N m, rad, rad/s], output ``CONTROLLER_OUTPUTS`` [rad/s^2], at the plant's step.
+    acceleration_limit : float
+        Acceleration of a full action [rad/s^2].
+    model_hash : str or None
+        Hash of the model it was designed on.
+    """
+
+    name: str
+    system: StateSpace
+    acceleration_limit: float
+    model_hash: str | None = None
+    observe: tuple[str, ...] = field(default=CONTROLLER_INPUTS, init=False)
+    steps_per_action: int = field(default=1, init=False)
+    _step: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.system.inputs != CONTROLLER_INPUTS or self.system.outputs != CONTROLLER_OUTPUTS:
+            raise ValueError(
+                f"agent {self.name}: expected a controller from {CONTROLLER_INPUTS} to {CONTROLLER_OUTPUTS}, "
+                f"got {self.system.inputs} to {self.system.outputs}"
+            )
+        if not self.acceleration_limit > 0.0:
+            raise ValueError(
+                f"agent {self.name}: acceleration_limit must be positive, got {self.acceleration_limit}"
+            )
+        s = self.system
+        # One product a step: [state, input] -> [next state, action].
+        object.__setattr__(
+            self,
+            "_step",
+            np.ascontiguousarray(
+                np.vstack(
+                    [
+                        np.hstack([s.A.T, s.C.T / self.acceleration_limit]),
+                        np.hstack([s.B.T, s.D.T / self.acceleration_limit]),
+                    ]
+                )
+            ),
+        )
+
+    def predict(
+        self,
+        observation: Floats,
+        state: Array | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Array | None]:
+        """Action (..., 3) and next state (..., 3, order) for an observation (..., 9)."""
+        measured = by_blade(observation, self.observe)
+        order = self.system.order
+        batch = measured.shape[:-2]
+        if state is None:
+            state = np.zeros((*batch, BLADES, order))
+        elif episode_start is not None and np.any(episode_start):
+            start = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), batch or (1,))
+            state = np.where(start.reshape(*batch, 1, 1), 0.0, state)
+        after = np.concatenate([state, measured], axis=-1) @ self._step
+        action = np.clip(after[..., order], -1.0, 1.0).astype(np.float32)
+        return action, after[..., :order]

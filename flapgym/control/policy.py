@@ -1,0 +1,108 @@
+"""Trained policies run in numpy: the mean action of a multi-layer perceptron, no torch needed (design section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flapgym.control.agent import BLADES, Array, Floats
+
+Activation = Literal["tanh", "relu"]
+Squash = Literal["clip", "tanh"]
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """A memoryless policy: normalise, layers, squash.
+
+    Parameters
+    ----------
+    name : str
+        What tables call it.
+    observe : tuple of str
+        Observations it was trained on, in order.
+    steps_per_action : int
+        Plant steps for which an action is held.
+    per_blade : bool
+        True: one network of one action serves each blade with that blade's observations, in the order of `observe`.
+        False: one network of three actions sees the whole observation.
+    offset, scale : (n,) float
+        The network sees (observation - offset) * scale, in the environment's units; one entry per network input.
+    weights, biases : tuple of (outputs, inputs) and (outputs,) float
+        Layers from input to output.
+    activation : "tanh" or "relu"
+        Between layers.
+    squash : "clip" or "tanh"
+        Of the last layer to [-1, 1]: PPO clips, SAC takes the hyperbolic tangent.
+    model_hash : str or None
+        Hash of the model it was trained on.
+    """
+
+    name: str
+    observe: tuple[str, ...]
+    steps_per_action: int
+    per_blade: bool
+    offset: Array
+    scale: Array
+    weights: tuple[Array, ...]
+    biases: tuple[Array, ...]
+    activation: Activation
+    squash: Squash
+    model_hash: str | None = None
+
+    def __post_init__(self) -> None:
+        for field, value, known in (
+            ("activation", self.activation, get_args(Activation)),
+            ("squash", self.squash, get_args(Squash)),
+        ):
+            if value not in known:
+                raise ValueError(
+                    f"agent {self.name}: {field}: expected one of {', '.join(known)}, got {value!r}"
+                )
+        if self.steps_per_action < 1:
+            raise ValueError(
+                f"agent {self.name}: steps_per_action: expected at least 1, got {self.steps_per_action}"
+            )
+        size = len(self.observe) * (1 if self.per_blade else BLADES)
+        if self.offset.shape != (size,) or self.scale.shape != (size,):
+            raise ValueError(
+                f"agent {self.name}: offset and scale need {size} entries, got {self.offset.size}"
+            )
+        if not self.weights or len(self.weights) != len(self.biases):
+            raise ValueError(f"agent {self.name}: {len(self.weights)} weights and {len(self.biases)} biases")
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            if weight.ndim != 2 or weight.shape != (bias.size, size):
+                raise ValueError(
+                    f"agent {self.name}: layer of {weight.shape} after {size} values, bias {bias.size}"
+                )
+            size = bias.size
+        if size != (1 if self.per_blade else BLADES):
+            raise ValueError(f"agent {self.name}: last layer gives {size} actions")
+
+    def predict(
+        self,
+        observation: Floats,
+        state: Array | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Array | None]:
+        """Action (..., 3) for an observation (..., 3 n); always the mean action."""
+        values = np.asarray(observation, dtype=float)
+        expected = BLADES * len(self.observe)
+        if values.shape[-1] != expected:
+            raise ValueError(
+                f"agent {self.name}: expected {expected} observations ({', '.join(self.observe)} of three blades), "
+                f"got {values.shape[-1]}"
+            )
+        if self.per_blade:
+            values = values.reshape(*values.shape[:-1], len(self.observe), BLADES).swapaxes(-1, -2)
+        hidden = (values - self.offset) * self.scale
+        for index, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if index:
+                hidden = np.tanh(hidden) if self.activation == "tanh" else np.maximum(hidden, 0.0)
+            hidden = hidden @ weight.T + bias
+        action = np.tanh(hidden) if self.squash == "tanh" else np.clip(hidden, -1.0, 1.0)
+        return (action[..., 0] if self.per_blade else action).astype(np.float32), None

@@ -1,0 +1,127 @@
+"""The data classes hold what they were checked for, whoever makes them."""
+
+import dataclasses
+import json
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from flapgym.turbine import load_case
+
+RATED = load_case("nrel5mw-rated")
+
+
+def altered(section, **changes):
+    return dataclasses.replace(RATED, **{section: dataclasses.replace(getattr(RATED, section), **changes)})
+
+
+def test_angles_are_radians_inside():
+    assert RATED.flap.angle_limit == pytest.approx(math.radians(10.0), rel=1e-15)
+    assert RATED.flap.rate_limit == pytest.approx(math.radians(100.0), rel=1e-15)
+    assert RATED.turbine.rotor.precone == pytest.approx(math.radians(2.5), rel=1e-15)
+
+
+@pytest.mark.parametrize("value", [0.0, -0.1, 0.6, math.nan, math.inf, "10 deg", None, True])
+def test_a_limit_out_of_range_is_refused_in_code_as_in_a_file(value):
+    with pytest.raises(ValueError, match=r"^flap\.angle_limit: expected "):
+        altered("flap", angle_limit=value)
+
+
+def test_effectiveness_takes_a_number_or_a_word():
+    assert altered("flap", effectiveness=0.5).flap.effectiveness == 0.5
+    with pytest.raises(ValueError, match=r"flap\.effectiveness"):
+        altered("flap", effectiveness="half")
+
+
+def test_a_negative_mass_density_is_refused_with_its_station():
+    sections = RATED.turbine.blade_sections_12
+    density = sections.mass_density.copy()
+    density[4] = -1.0
+    with pytest.raises(ValueError, match=r"blade_sections\.mass_density: .* got -1 kg/m at station 5"):
+        dataclasses.replace(sections, mass_density=density)
+
+
+def test_columns_of_different_length_are_refused():
+    with pytest.raises(ValueError, match="expected as many stations in each column"):
+        dataclasses.replace(RATED.turbine.tower, inertia=np.ones(5))
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_blade_that_ends_short_of_hub_or_tip_is_refused(end):
+    sections = RATED.turbine.blade_sections_documented
+    radius = sections.radius.copy()
+    radius[end] += 0.1 if end == 0 else -0.1
+    with pytest.raises(
+        ValueError, match=r"radius: expected stations from rotor\.hub_radius to rotor\.radius"
+    ):
+        dataclasses.replace(
+            RATED.turbine, blade_sections_documented=dataclasses.replace(sections, radius=radius)
+        )
+
+
+def test_arrays_cannot_be_written_to():
+    for sections in (RATED.turbine.blade_sections(48), RATED.turbine.tower, RATED.turbine.planform):
+        with pytest.raises(ValueError, match="read-only"):
+            next(v for v in vars(sections).values() if isinstance(v, np.ndarray))[0] = 0.0
+
+
+def test_fields_cannot_be_set():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        RATED.flap.angle_limit = 0.1
+
+
+def test_hash_is_the_same_for_equal_cases_and_survives_pickling():
+    assert len(RATED.hash()) == 64
+    assert load_case("nrel5mw-rated").hash() == RATED.hash()
+    assert pickle.loads(pickle.dumps(RATED)).hash() == RATED.hash()
+
+
+def test_hash_ignores_the_names_of_case_and_turbine():
+    turbine = dataclasses.replace(RATED.turbine, name="other")
+    assert dataclasses.replace(RATED, name="other", turbine=turbine).hash() == RATED.hash()
+
+
+def test_to_dict_is_plain_json_with_every_number_of_the_tables():
+    plain = RATED.to_dict()
+    assert json.loads(json.dumps(plain, allow_nan=False)) == plain
+    assert {len(column) for column in plain["turbine"]["blade_sections_documented"].values()} == {49}
+    assert {len(column) for column in plain["turbine"]["tower"].values()} == {11}
+    assert plain["flap"]["angle_limit"] == RATED.flap.angle_limit
+
+
+def nudged(value, path):
+    """A copy of a data class with the number at `path` (field names and an index) changed in its last digits."""
+    key, *rest = path
+    if isinstance(value, np.ndarray):
+        changed = value.copy()
+        changed[key] = np.nextafter(changed[key], np.inf)
+        return changed
+    if isinstance(value, tuple):
+        return tuple(nudged(item, rest) if i == key else item for i, item in enumerate(value))
+    inner = getattr(value, key)
+    if not rest:
+        return dataclasses.replace(
+            value, **{key: inner + 1 if isinstance(inner, int) else np.nextafter(inner, 1e99)}
+        )
+    return dataclasses.replace(value, **{key: nudged(inner, rest)})
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        ("operating_point", "air_density"),
+        ("flap", "rate_limit"),
+        ("reduction", "blade_modes"),
+        ("turbulence", "length_scale"),
+        ("turbine", "gravity"),
+        ("turbine", "hub", "mass"),
+        ("turbine", "tower", "inertia", 10),
+        ("turbine", "blade_sections_12", "twist", 3),
+        ("turbine", "planform", "chord", 18),
+        ("turbine", "airfoils", 4, "lift_slope"),
+    ],
+)
+def test_hash_changes_with_the_last_digit_of_a_number(path):
+    assert nudged(RATED, path).hash() != RATED.hash()

@@ -1,0 +1,90 @@
+"""One natural way through the code: a module imports what stands above it in this list and nothing below it."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ORDER = [
+    "atomic",
+    "state_space",
+    "turbine",
+    "turbulence",
+    "structure",
+    "aerodynamics",
+    "reduction",
+    "aeroelastic",
+    "plant",
+    "control",
+    "envs",
+    "evaluation",
+    "cli",
+]
+
+
+def imported_modules(path):
+    """Dotted names of all that a file imports, also inside functions; relative imports resolved."""
+    package = path.relative_to(ROOT).with_suffix("").parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            prefix = package[: len(package) + 1 - node.level] if node.level else ()
+            module = ".".join([*prefix, *([node.module] if node.module else [])])
+            yield module
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def files_importing(*libraries):
+    sources = [path for folder in ("flapgym", "baselines") for path in sorted((ROOT / folder).rglob("*.py"))]
+    return {
+        path.relative_to(ROOT).as_posix()
+        for path in sources
+        if any(module.split(".")[0] in libraries for module in imported_modules(path))
+    }
+
+
+def layer(path):
+    part = path.relative_to(ROOT / "flapgym").parts[0]
+    return ORDER.index(part.removesuffix(".py"))
+
+
+def test_every_module_stands_in_the_order():
+    parts = {p.name.removesuffix(".py") for p in (ROOT / "flapgym").iterdir()}
+    assert parts - {"__init__", "__main__", "__pycache__", "py.typed"} <= set(ORDER)
+
+
+def test_modules_import_only_what_stands_above_them():
+    offences = []
+    for path in sorted((ROOT / "flapgym").rglob("*.py")):
+        if path.parent == ROOT / "flapgym" and path.stem.startswith("__"):
+            continue
+        for module in imported_modules(path):
+            top, _, rest = module.partition(".")
+            inner = rest.split(".")[0]
+            if top == "flapgym" and inner in ORDER and ORDER.index(inner) > layer(path):
+                offences.append(f"{path.relative_to(ROOT)} imports {module}")
+    assert not offences
+
+
+@pytest.mark.parametrize("program", ["baselines", "train", "benchmarks", "tests"])
+def test_the_package_does_not_import_the_programs_on_top_of_it(program):
+    assert not {name for name in files_importing(program) if name.startswith("flapgym/")}
+
+
+def test_only_the_environments_import_gymnasium():
+    assert all(name.startswith("flapgym/envs/") for name in files_importing("gymnasium"))
+
+
+def test_only_training_and_its_adapter_import_torch_and_stable_baselines():
+    assert files_importing("torch", "stable_baselines3", "sb3_contrib") <= {"flapgym/envs/sb3.py"}
+
+
+def test_importing_the_package_and_its_program_loads_no_heavy_library():
+    heavy = ["torch", "stable_baselines3", "control", "matplotlib", "tensorboard", "rich", "numba"]
+    program = f"import sys, flapgym, flapgym.cli; print([m for m in {heavy!r} if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

@@ -1,0 +1,159 @@
+"""The LQG synthesis as identities: Riccati residuals, separation, cost, error covariance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from flapgym.control.lqg import (
+    RBM_UNIT,
+    Weights,
+    design_model,
+    predictor_gain,
+    regulator_gain,
+    synthesise,
+    with_actuator,
+)
+from flapgym.state_space import StateSpace
+from tests.synthetic import synthetic_model
+
+WEIGHTS = Weights(rbm=5.0)
+
+
+@pytest.fixture(scope="module")
+def design():
+    return design_model(synthetic_model())
+
+
+@pytest.fixture(scope="module")
+def design_with_feedthrough(design):
+    """The same with white noise that also reaches the measurement at once."""
+    return replace(design, H=np.array([[0.02]]))
+
+
+def _noise(design):
+    return (WEIGHTS.measurement_noise * design.rbm_rms) ** 2
+
+
+def test_regulator_solves_its_riccati_equation(design):
+    a, b, c = with_actuator(design)
+    gain, x = regulator_gain(design, WEIGHTS)
+    q = WEIGHTS.rbm * c.T @ c
+    q[-2, -2] += WEIGHTS.flap_angle
+    residual = a.T @ x @ (a - b @ gain) + q - x
+    assert np.abs(residual).max() < 1e-10 * np.abs(x).max()
+
+
+def test_predictor_solves_its_riccati_equation_with_cross_covariance(design_with_feedthrough):
+    d = design_with_feedthrough
+    gain, p = predictor_gain(d, WEIGHTS)
+    residual = d.A @ p @ (d.A - gain @ d.C).T + d.G @ (d.G - gain @ d.H).T - p
+    assert np.abs(residual).max() < 1e-10 * np.abs(p).max()
+
+
+def test_predictor_error_has_the_riccati_covariance(design_with_feedthrough):
+    d = design_with_feedthrough
+    gain, p = predictor_gain(d, WEIGHTS)
+    drive = d.G - gain @ d.H
+    lyapunov = scipy.linalg.solve_discrete_lyapunov(
+        d.A - gain @ d.C, drive @ drive.T + _noise(d) * gain @ gain.T
+    )
+    np.testing.assert_allclose(lyapunov, p, atol=1e-9 * np.abs(p).max())
+
+
+def test_leaving_out_the_cross_covariance_predicts_worse(design_with_feedthrough):
+    d = design_with_feedthrough
+    _, p = predictor_gain(d, WEIGHTS)
+    blind, _ = predictor_gain(replace(d, H=np.zeros((1, 1))), WEIGHTS)
+    drive = d.G - blind @ d.H
+    worse = scipy.linalg.solve_discrete_lyapunov(
+        d.A - blind @ d.C, drive @ drive.T + _noise(d) * blind @ blind.T
+    )
+    assert (d.C @ worse @ d.C.T)[0, 0] > 1.01 * (d.C @ p @ d.C.T)[0, 0]
+
+
+def _single_blade_loop(design, controller):
+    """Design model, actuator and controller closed by hand; inputs white noise and measurement noise [MN m]."""
+    a, b, c = with_actuator(design)
+    n, m = a.shape[0], controller.order
+    units = np.array([design.angle_limit, design.rate_limit])
+    flap = np.zeros((2, n))
+    flap[0, -2], flap[1, -1] = units
+    measured = np.vstack([RBM_UNIT * c, flap])
+    to_limit = b / design.acceleration_limit
+    loop = np.block(
+        [
+            [a + to_limit @ controller.D @ measured, to_limit @ controller.C],
+            [controller.B @ measured, controller.A],
+        ]
+    )
+    noise_gain = RBM_UNIT * controller.B[:, :1]
+    white = np.vstack([design.G, np.zeros((2, 1)), noise_gain @ design.H])
+    measurement = np.vstack([np.zeros((n, 1)), noise_gain]) * np.sqrt(_noise(design))
+    acceleration = np.hstack([controller.D @ measured, controller.C]) / design.acceleration_limit
+    outputs = np.vstack(
+        [np.hstack([c, np.zeros((1, m))]), np.eye(1, n + m, n - 2), acceleration],
+    )
+    return StateSpace(
+        loop,
+        np.hstack([white, measurement]),
+        outputs,
+        np.zeros((3, 2)),
+        design.time_step,
+        ("white", "measurement"),
+        ("rbm", "flap_angle", "acceleration"),
+    )
+
+
+def test_closed_loop_poles_are_those_of_regulator_and_predictor(design):
+    loop = _single_blade_loop(design, synthesise(design, WEIGHTS))
+    a, b, _ = with_actuator(design)
+    regulator, _ = regulator_gain(design, WEIGHTS)
+    predictor, _ = predictor_gain(design, WEIGHTS)
+    expected = np.concatenate(
+        [np.linalg.eigvals(a - b @ regulator), np.linalg.eigvals(design.A - predictor @ design.C)]
+    )
+    found = np.linalg.eigvals(loop.A)
+    for value in expected:
+        assert np.abs(found - value).min() < 1e-6
+
+
+def test_mean_cost_of_the_loop_is_the_riccati_value(design):
+    """J = tr(X G G') + tr(P K' (R + B' X B) K): regulator's share plus the price of not knowing the state."""
+    loop = _single_blade_loop(design, synthesise(design, WEIGHTS))
+    variance = np.diag(loop.C @ loop.stationary_covariance() @ loop.C.T)
+    cost = variance @ [WEIGHTS.rbm, WEIGHTS.flap_angle, WEIGHTS.acceleration]
+    gain, x = regulator_gain(design, WEIGHTS)
+    _, p = predictor_gain(design, WEIGHTS)
+    _, b, _ = with_actuator(design)
+    n = design.A.shape[0]
+    weight = WEIGHTS.acceleration + (b.T @ x @ b)[0, 0]
+    known = np.trace(x[:n, :n] @ design.G @ design.G.T)
+    unknown = weight * (gain[:, :n] @ p @ gain[:, :n].T)[0, 0]
+    assert cost == pytest.approx(known + unknown, rel=1e-7)
+
+
+def test_scaling_leaves_the_design_models_response(design):
+    model = synthetic_model()
+    system = StateSpace(
+        design.A, design.B, design.C, design.D, model.time_step, ("flap_angle", "flap_rate"), ("rbm",)
+    )
+    frequency = [0.0, 0.3, 1.0, 10.0]
+    blade = model.blade.select(["flap_angle", "flap_rate"], ["rbm"]).frequency_response(frequency)
+    units = [model.flap_angle_limit / RBM_UNIT, model.flap_rate_limit / RBM_UNIT]
+    np.testing.assert_allclose(system.frequency_response(frequency), blade * units, rtol=1e-9)
+
+
+def test_an_unstable_blade_is_refused_with_its_frequency():
+    model = synthetic_model()
+    c, s = np.cos(2 * np.pi * 0.9 * model.time_step), np.sin(2 * np.pi * 0.9 * model.time_step)
+    growing = replace(model.blade, A=1.001 * np.array([[c, s], [-s, c]]), B=np.ones((2, 3)), C=np.eye(2))
+    with pytest.raises(ValueError, match=r"unstable mode at 0\.9 Hz"):
+        design_model(replace(model, blade=growing))
+
+
+@pytest.mark.parametrize("name", ["flap_angle", "acceleration", "measurement_noise"])
+def test_weights_that_make_no_design_are_refused(name):
+    with pytest.raises(ValueError, match=f"weights.{name}"):
+        Weights(rbm=1.0, **{name: 0.0})

@@ -1,0 +1,139 @@
+"""Discrete linear state space, the one form in which every stage hands its dynamics to the next.
+
+x^{n+1} = A x^n + B u^n, y^n = C x^n + D u^n, with input and output at the same step (paper eq. 14).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """A discrete linear time-invariant system with named inputs and outputs.
+
+    Parameters
+    ----------
+    A : (n, n), B : (n, nu), C : (ny, n), D : (ny, nu) float
+        State, input, output and feedthrough matrices.
+    time_step : float
+        Sampling time [s].
+    inputs, outputs : tuple of str
+        One name per column of B and per row of C.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit each other or the names, or an entry is not finite.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    time_step: float
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        n, nu, ny = self.A.shape[0], len(self.inputs), len(self.outputs)
+        for name, shape in {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu)}.items():
+            matrix = getattr(self, name)
+            if matrix.shape != shape:
+                raise ValueError(f"state_space.{name}: expected shape {shape}, got {matrix.shape}")
+            if not np.isfinite(matrix).all():
+                raise ValueError(f"state_space.{name}: expected finite entries, got NaN or infinity")
+        if not self.time_step > 0.0:
+            raise ValueError(f"state_space.time_step: expected a positive time [s], got {self.time_step}")
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.A.shape[0])
+
+    def spectral_radius(self) -> float:
+        """Largest modulus of the eigenvalues of A; the system is stable below one."""
+        return float(np.abs(np.linalg.eigvals(self.A)).max(initial=0.0))
+
+    def frequency_response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Response at frequencies [Hz], shape (nf, ny, nu): output per unit harmonic input.
+
+        The Hessenberg form is computed once, so a further frequency costs O(n^2).
+        """
+        hessenberg, basis = scipy.linalg.hessenberg(self.A, calc_q=True)
+        b, c = basis.T @ self.B, self.C @ basis
+        eye = np.eye(self.order)
+        z = np.exp(2j * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float)) * self.time_step)
+        return np.stack([c @ np.linalg.solve(value * eye - hessenberg, b) + self.D for value in z])
+
+    def dc_gain(self) -> Array:
+        """Steady output per unit constant input, shape (ny, nu)."""
+        return self.C @ np.linalg.solve(np.eye(self.order) - self.A, self.B) + self.D
+
+    def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> StateSpace:
+        """The same system with only the named inputs and outputs, in the order given."""
+        inputs = self.inputs if inputs is None else tuple(inputs)
+        outputs = self.outputs if outputs is None else tuple(outputs)
+        for known, wanted, kind in ((self.inputs, inputs, "inputs"), (self.outputs, outputs, "outputs")):
+            unknown = [name for name in wanted if name not in known]
+            if unknown:
+                raise ValueError(f"state_space.{kind}: no {unknown[0]!r} among {', '.join(known)}")
+        columns = [self.inputs.index(name) for name in inputs]
+        rows = [self.outputs.index(name) for name in outputs]
+        return replace(
+            self,
+            B=self.B[:, columns],
+            C=self.C[rows],
+            D=self.D[np.ix_(rows, columns)],
+            inputs=inputs,
+            outputs=outputs,
+        )
+
+    def stationary_covariance(self, noise_covariance: ArrayLike | None = None) -> Array:
+        """State covariance under white noise of unit (or given) input covariance: P = A P A' + B W B'."""
+        w = np.eye(len(self.inputs)) if noise_covariance is None else np.asarray(noise_covariance, float)
+        return np.asarray(scipy.linalg.solve_discrete_lyapunov(self.A, self.B @ w @ self.B.T))
+
+    def simulate(self, u: ArrayLike, x0: ArrayLike | None = None) -> Array:
+        """Outputs (T, ny) for inputs u (T, nu) from state x0 (default zero)."""
+        u = np.asarray(u, dtype=float)
+        x = np.zeros(self.order) if x0 is None else np.array(x0, dtype=float)
+        drive = u @ self.B.T
+        states = np.empty((u.shape[0], self.order))
+        for n in range(u.shape[0]):
+            states[n] = x
+            x = self.A @ x + drive[n]
+        return np.asarray(states @ self.C.T + u @ self.D.T)
+
+
+def series(first: StateSpace, second: StateSpace) -> StateSpace:
+    """Second driven by first: first's outputs feed the inputs of second that bear the same names.
+
+    Inputs of second that first does not provide stay inputs, after those of first. Outputs are second's.
+
+    Raises
+    ------
+    ValueError
+        If the time steps differ, or an output of first is no input of second.
+    """
+    if first.time_step != second.time_step:
+        raise ValueError(f"series: time steps differ, {first.time_step} and {second.time_step} s")
+    fed = second.select(inputs=first.outputs)
+    free = second.select(inputs=[name for name in second.inputs if name not in first.outputs])
+    n1, n2 = first.order, second.order
+    return StateSpace(
+        A=np.block([[first.A, np.zeros((n1, n2))], [fed.B @ first.C, second.A]]),
+        B=np.block([[first.B, np.zeros((n1, len(free.inputs)))], [fed.B @ first.D, free.B]]),
+        C=np.hstack([fed.D @ first.C, second.C]),
+        D=np.hstack([fed.D @ first.D, free.D]),
+        time_step=first.time_step,
+        inputs=first.inputs + free.inputs,
+        outputs=second.outputs,
+    )

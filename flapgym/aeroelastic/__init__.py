@@ -1,0 +1,9 @@
+"""Aeroelastic coupling: structure and reduced aerodynamics joined into the turbine model (Section II.D).
+
+``flapgym.aeroelastic.build`` makes a model; it is not imported here, since whoever runs a built model needs
+none of the physics behind it.
+"""
+
+from flapgym.aeroelastic.model import TurbineModel, builtin_models, load_model, save_model
+
+__all__ = ["TurbineModel", "builtin_models", "load_model", "save_model"]

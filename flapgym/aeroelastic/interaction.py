@@ -1,0 +1,100 @@
+"""Beam and lattice joined: motion to downwash (eq. 9 to 11), panel forces to beam forces (Figure 4).
+
+Everything here belongs to one blade and stands in the rotor frame S at azimuth zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flapgym.aerodynamics import Aerodynamics
+from flapgym.state_space import Array
+from flapgym.structure import LinearBlade
+
+
+def interpolation(blade: LinearBlade, point: Array) -> tuple[Array, Array]:
+    """Displacement and rotation of points tied rigidly to the nearest station of the beam.
+
+    Between nodes the beam's axis and rotation are interpolated linearly along the span, so a rigid
+    motion of the nodes is reproduced exactly and forces on the points do the nodes' virtual work.
+
+    Parameters
+    ----------
+    blade : LinearBlade
+        Blade of n elements, root node clamped.
+    point : (p, 3) float
+        Points of the lattice [m].
+
+    Returns
+    -------
+    displacement : (3 p, 6 n) float
+        Displacement of the points per nodal degree of freedom.
+    rotation : (3 p, 6 n) float
+        Rotation of the section at the points per nodal degree of freedom.
+    """
+    node = blade.position
+    axis = (node[-1] - node[0]) / np.linalg.norm(node[-1] - node[0])
+    station, span = node @ axis, point @ axis
+    element = np.clip(np.searchsorted(station, span, side="right") - 1, 0, len(station) - 2)
+    outer = (span - station[element]) / (station[element + 1] - station[element])
+    foot = (1.0 - outer)[:, None] * node[element] + outer[:, None] * node[element + 1]
+
+    count = len(node)
+    displacement = np.zeros((len(point), 3, count, 6))
+    rotation = np.zeros_like(displacement)
+    lever = -cross_matrix(point - foot)  # theta x arm = -[arm]x theta
+    index = np.arange(len(point))
+    for end, weight in ((element, 1.0 - outer), (element + 1, outer)):
+        displacement[index, :, end, :3] += weight[:, None, None] * np.eye(3)
+        displacement[index, :, end, 3:] += weight[:, None, None] * lever
+        rotation[index, :, end, 3:] += weight[:, None, None] * np.eye(3)
+    shape = (3 * len(point), 6 * (count - 1))
+    return displacement[:, :, 1:].reshape(shape), rotation[:, :, 1:].reshape(shape)
+
+
+def velocity_downwash(aero: Aerodynamics, displacement: Array) -> Array:
+    """Downwash (p, k) at the collocation points per unit rate of k motions of displacement (3 p, k)."""
+    return -np.einsum("pi,pik->pk", aero.normal, _by_point(displacement))
+
+
+def displacement_downwash(
+    aero: Aerodynamics, rotor_speed: float, displacement: Array, rotation: Array
+) -> Array:
+    """Downwash (p, k) at the collocation points per unit of k held motions in the rotating frame.
+
+    A turned section meets the relative wind at another angle, and a displaced one moves at another speed:
+    w = (theta x n) . V_rel - n . (Omega x u).
+    """
+    normal = aero.normal
+    turned = np.einsum(
+        "pi,pik->pk", np.cross(normal, aero.relative_velocity), _by_point(rotation)
+    )  # (theta x n) . V = theta . (n x V)
+    spin = cross_matrix(np.array([rotor_speed, 0.0, 0.0]))
+    return np.asarray(turned - np.einsum("pi,ij,pjk->pk", normal, spin, _by_point(displacement)))
+
+
+def rigid_displacement(point: Array) -> Array:
+    """Displacement (3 p, 6) of points per unit translation and rotation of the hub about its apex."""
+    moves = np.broadcast_to(np.eye(3), (len(point), 3, 3))
+    return np.concatenate([moves, -cross_matrix(point)], axis=2).reshape(-1, 6)
+
+
+def hub_turn_downwash(aero: Aerodynamics, wind_speed: float) -> Array:
+    """Downwash (p, 3) per unit rotation of the whole rotor, which then meets the wind askew (eq. 11).
+
+    The rotor carries its own rotation axis with it, so only the wind changes: w = -n . (phi x U e_x).
+    """
+    wind = np.array([wind_speed, 0.0, 0.0])
+    return -np.cross(wind, aero.normal)  # n . (phi x U) = phi . (U x n)
+
+
+def cross_matrix(vector: Array) -> Array:
+    """[v]x (..., 3, 3) with [v]x a = v x a."""
+    x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def _by_point(matrix: Array) -> Array:
+    return matrix.reshape(-1, 3, matrix.shape[1])

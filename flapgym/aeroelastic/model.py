@@ -1,0 +1,201 @@
+"""The built turbine model: what everybody downstream of the physics uses, and the file it lives in.
+
+A model file is a safetensors file: matrices as tensors, everything else as one JSON text in the header.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors
+import safetensors.numpy
+
+from flapgym.state_space import Array, StateSpace
+
+FORMAT_VERSION = 1
+_SYSTEMS = ("turbine", "blade")
+_MATRICES = ("A", "B", "C", "D")
+
+TURBINE_INPUTS = (
+    "flap_angle_0",
+    "flap_angle_c",
+    "flap_angle_s",
+    "flap_rate_0",
+    "flap_rate_c",
+    "flap_rate_s",
+    "wind",
+)
+TURBINE_OUTPUTS = (
+    "rbm_0",
+    "rbm_c",
+    "rbm_s",
+    "tip_deflection_0",
+    "tip_deflection_c",
+    "tip_deflection_s",
+    "tower_fore_aft",
+    "tower_side_side",
+)
+BLADE_INPUTS = ("flap_angle", "flap_rate", "wind")
+BLADE_OUTPUTS = ("rbm", "tip_deflection")
+
+
+@dataclass(frozen=True, eq=False)
+class TurbineModel:
+    """The coupled turbine and the clamped single blade, reduced, discrete and time-invariant.
+
+    Attributes
+    ----------
+    turbine : StateSpace
+        Whole turbine in multi-blade coordinates u_b = u_0 + u_c cos(theta_b) + u_s sin(theta_b),
+        theta_b = theta + 2 pi b / 3 (b = 0, 1, 2). Inputs ``TURBINE_INPUTS``: flap angle [rad] and
+        rate [rad/s] in multi-blade coordinates, homogeneous wind perturbation along the shaft [m/s].
+        Outputs ``TURBINE_OUTPUTS``: flapwise root bending moment [N m] and tip deflection [m] in
+        multi-blade coordinates, tower-top displacement [m] downwind and sideways.
+    blade : StateSpace
+        One blade clamped at its root, rotating, alone in its wake (the paper's design model): inputs
+        ``BLADE_INPUTS``, outputs ``BLADE_OUTPUTS``, same units.
+    name : str
+        Name of the case.
+    wind_speed, rotor_speed, time_step : float
+        Operating point [m/s, rad/s] and sampling time [s].
+    turbulence_intensity, length_scale : float
+        The case's reference turbulence [-, m].
+    flap_angle_limit, flap_rate_limit, acceleration_limit : float
+        Flap stops [rad, rad/s] and the acceleration an action of one stands for [rad/s^2].
+    rbm_rms : float
+        Open-loop rms of the root bending moment under the reference turbulence, mean over blades [N m].
+    hash : str
+        SHA-256 of the inputs (case and turbine data) the model was built from.
+    case : mapping
+        Those inputs, as plain JSON values.
+    format_version : int
+        Version of the file format.
+    """
+
+    turbine: StateSpace
+    blade: StateSpace
+    name: str
+    wind_speed: float
+    rotor_speed: float
+    time_step: float
+    turbulence_intensity: float
+    length_scale: float
+    flap_angle_limit: float
+    flap_rate_limit: float
+    acceleration_limit: float
+    rbm_rms: float
+    hash: str
+    case: Mapping[str, Any]
+    format_version: int = FORMAT_VERSION
+
+
+def builtin_models() -> list[str]:
+    """Names of the models shipped in the package."""
+    folder = resources.files("flapgym.aeroelastic") / "data"
+    return sorted(
+        item.name.removesuffix(".safetensors")
+        for item in folder.iterdir()
+        if item.name.endswith(".safetensors")
+    )
+
+
+def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
+    """Write the model file atomically: readers see the old file or the new one, never half of one."""
+    tensors = {
+        f"{system}.{matrix}": np.ascontiguousarray(getattr(getattr(model, system), matrix))
+        for system in _SYSTEMS
+        for matrix in _MATRICES
+    }
+    header = {
+        field.name: dict(model.case) if field.name == "case" else getattr(model, field.name)
+        for field in fields(model)
+        if field.name not in _SYSTEMS
+    }
+    for system in _SYSTEMS:
+        part = getattr(model, system)
+        header[system] = {"inputs": part.inputs, "outputs": part.outputs}
+    header["checksum"] = _checksum(tensors)
+    target = Path(path)
+    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    os.close(handle)
+    try:
+        # The header is one JSON text under a key of our own: safetensors metadata holds strings only.
+        safetensors.numpy.save_file(
+            tensors, temporary, metadata={"flapgym": json.dumps(header, sort_keys=True)}
+        )
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, target)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
+    """Read a model shipped with the package by its name, or a model file by its path.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is neither a shipped model nor a file of that name.
+    ValueError
+        If the file is no model file, is damaged, or has another format version.
+    """
+    path = _find(name)
+    try:
+        with safetensors.safe_open(path, framework="numpy") as file:
+            metadata = file.metadata() or {}
+            tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
+    except (safetensors.SafetensorError, OSError) as error:
+        raise ValueError(f"model {path}: damaged or not a model file ({error}); build it again") from None
+    if "flapgym" not in metadata:
+        raise ValueError(f"model {path}: not a flapgym model file; make one with `flapgym build`")
+    try:
+        header = json.loads(metadata["flapgym"])
+        version, checksum = header["format_version"], header.pop("checksum")
+    except (ValueError, KeyError) as error:
+        raise ValueError(f"model {path}: damaged header ({error}); build it again") from None
+    if version != FORMAT_VERSION:
+        raise ValueError(
+            f"model {path}: format version {version}, this flapgym reads {FORMAT_VERSION}; build it again"
+        )
+    if checksum != _checksum(tensors):
+        raise ValueError(f"model {path}: damaged, its matrices do not match their checksum; build it again")
+    systems = {}
+    for system in _SYSTEMS:
+        names = header.pop(system)
+        systems[system] = StateSpace(
+            **{matrix: tensors[f"{system}.{matrix}"] for matrix in _MATRICES},
+            time_step=header["time_step"],
+            inputs=tuple(names["inputs"]),
+            outputs=tuple(names["outputs"]),
+        )
+    return TurbineModel(turbine=systems["turbine"], blade=systems["blade"], **header)
+
+
+def _find(name: str | os.PathLike[str]) -> Path:
+    shipped = Path(str(resources.files("flapgym.aeroelastic") / "data" / f"{name}.safetensors"))
+    path = shipped if str(name) in builtin_models() else Path(name)
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"model {name}: no such file, and no shipped model of that name "
+            f"(shipped: {', '.join(builtin_models()) or 'none'})"
+        )
+    return path
+
+
+def _checksum(tensors: Mapping[str, Array]) -> str:
+    digest = hashlib.sha256()
+    for key in sorted(tensors):
+        digest.update(key.encode())
+        digest.update(str(tensors[key].shape).encode())
+        digest.update(np.ascontiguousarray(tensors[key], dtype="<f8").tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,178 @@
+"""The built model against the unreduced physics, by frequency: full lattice, all blade modes, marched wake."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flapgym.aerodynamics import build_aerodynamics, march, transfer_function
+from flapgym.aeroelastic import TurbineModel, load_model
+from flapgym.aeroelastic.build import (
+    STAGES,
+    blade_lattice,
+    build_model,
+    open_loop_rms,
+    reduce_component,
+    turbine_equations,
+)
+from flapgym.aeroelastic.coupling import multiblade_aerodynamics
+from flapgym.aeroelastic.multiblade import to_blades, to_components
+from flapgym.reduction import normal_modes
+from flapgym.structure import linear_blade, linear_support
+from flapgym.turbine import load_case
+from flapgym.turbulence import von_karman_spectrum
+
+CASE = load_case()
+DT = CASE.discretisation.time_step
+FREQUENCY = np.array([0.005, 0.02, 0.1, 0.2, 0.32, 0.5, 0.7, 1.0, 1.5])
+
+
+@pytest.fixture(scope="module")
+def rebuilt() -> TurbineModel:
+    stages = []
+    model = build_model(CASE, stages.append)
+    assert tuple(stages) == STAGES
+    return model
+
+
+@pytest.fixture(scope="module")
+def rotor():
+    blade = linear_blade(CASE.turbine, 12, CASE.rotor_speed)
+    aero = build_aerodynamics(CASE, blades=3)
+    return blade, aero
+
+
+def exact_response(rotor, modes):
+    """Coupled response (nf, outputs, inputs) with the lattice's own transfer function, no reduced state."""
+    blade, aero = rotor
+    frequency, shape = normal_modes(blade.mass, blade.stiffness, modes)
+    lattice = blade_lattice(CASE, aero, blade, shape)
+    support = linear_support(CASE.turbine, CASE.rotor_speed)
+    equations = turbine_equations(CASE, blade, support, frequency, shape, lattice)
+    structure, asks, read = equations.structure, equations.lattice_input, equations.output
+    z = np.exp(2j * np.pi * FREQUENCY * DT)
+    turn = np.exp(1j * CASE.rotor_speed * DT)
+    collective = transfer_function(aero, 0, z, lattice.downwash, lattice.load)
+    # c - j s turns with the rotor, c + j s against it.
+    forward = transfer_function(aero, 1, z * turn, lattice.downwash, lattice.load)
+    backward = transfer_function(aero, 1, (z / turn).conj(), lattice.downwash, lattice.load).conj()
+    to_whirl = np.array([[1.0, -1j], [1.0, 1j]])
+    responses = []
+    for point, h0, *h in zip(z, collective, forward, backward, strict=True):
+        whirl = np.einsum("ai,iyu,ib->aybu", np.linalg.inv(to_whirl), np.stack(h), to_whirl)
+        ny, nu = h0.shape
+        full = np.zeros((3 * ny, 3 * nu), complex)
+        full[:ny, :nu] = h0
+        full[ny:, nu:] = whirl.reshape(2 * ny, 2 * nu)
+        s = 2.0 / DT * (point - 1.0) / (point + 1.0)
+        drive = asks.position + s * asks.velocity
+        dynamic = structure.mass * s**2 + structure.damping * s + structure.stiffness
+        d = np.linalg.solve(dynamic - structure.work @ full @ drive, structure.work @ full @ asks.exogenous)
+        load = full @ (drive @ d + asks.exogenous)
+        responses.append(
+            (read.acceleration * s**2 + read.velocity * s + read.position) @ d + read.load @ load
+        )
+    return np.stack(responses)
+
+
+def relative_error(ours, exact):
+    """Error of every channel, over frequency in rms, relative to that channel's own rms."""
+    return np.sqrt((np.abs(ours - exact) ** 2).mean(axis=0) / (np.abs(exact) ** 2).mean(axis=0))
+
+
+@pytest.fixture(scope="module")
+def channels():
+    """Channels a person reads: moment, tip and fore-aft tower by wind, moment and tip by each flap component."""
+    model = load_model()
+    rows, columns = list(model.turbine.outputs), list(model.turbine.inputs)
+    pairs = [("rbm_0", "wind"), ("tip_deflection_0", "wind"), ("tower_fore_aft", "wind")]
+    pairs += [
+        (f"{out}_{i}", f"flap_{of}_{i}")
+        for out in ("rbm", "tip_deflection")
+        for of in ("angle", "rate")
+        for i in "0cs"
+    ]
+    return tuple(np.array([[rows.index(y), columns.index(u)] for y, u in pairs]).T)
+
+
+def test_reducing_the_lattice_to_150_states_changes_no_channel_by_half_a_percent_below_1_5_hz(
+    rotor, channels
+):
+    ours = load_model().turbine.frequency_response(FREQUENCY)
+    exact = exact_response(rotor, CASE.reduction.blade_modes)
+    assert relative_error(ours, exact)[channels].max() < 5e-3
+
+
+def test_thirteen_blade_modes_leave_two_percent_of_all_seventy_two_below_1_5_hz(rotor, channels):
+    few = exact_response(rotor, CASE.reduction.blade_modes)
+    all_modes = exact_response(rotor, 72)
+    assert relative_error(few, all_modes)[channels].max() < 2e-2
+
+
+def test_reduced_rotor_follows_the_marched_wake_when_one_flap_steps(rotor):
+    """One blade alone excites every cyclic component: a wrong whirl sign shows on its neighbours."""
+    blade, aero = rotor
+    _, shape = normal_modes(blade.mass, blade.stiffness, 2)
+    lattice = blade_lattice(CASE, aero, blade, shape)
+    collective, whirl = (reduce_component(aero, lattice, m, 50) for m in (0, 1))
+    reduced = multiblade_aerodynamics(collective, whirl, CASE.rotor_speed, DT)
+    steps, nu = 500, lattice.downwash.shape[1]
+    flap = lattice.select("flap_angle")[:, 0]
+    _, force = march(aero, np.tile(np.outer([1.0, 0.0, 0.0], lattice.downwash @ flap), (steps, 1, 1)))
+    marched = force.reshape(steps, 3, -1) @ lattice.load.T
+
+    azimuth = 0.3 + CASE.rotor_speed * DT * np.arange(steps)
+    x, ours = np.zeros(reduced.A.shape[0]), []
+    for theta in azimuth:
+        u = np.kron(to_components(np.array([1.0, 0.0, 0.0]), theta), flap)
+        y = (reduced.C @ x + reduced.D @ u).reshape(3, -1)
+        ours.append(to_blades(y.T, theta).T)
+        x = reduced.A @ x + reduced.B @ u
+    assert nu == lattice.downwash.shape[1]
+    moment = lattice.modes + 4  # about y at the apex
+    error = np.abs(np.array(ours)[:, :, moment] - marched[:, :, moment]).max(axis=0)
+    assert error[0] < 2e-3 * np.abs(marched[:, 0, moment]).max()
+    assert (error[1:] < 2e-3 * np.abs(marched[:, 0, moment]).max()).all()
+    assert (np.abs(marched[-1, 1:, moment]) > 10.0 * error[1:]).all()  # the neighbours' share is resolved
+
+
+def test_shipped_model_is_what_the_case_builds(rebuilt):
+    shipped = load_model()
+    assert shipped.hash == rebuilt.hash == CASE.hash()
+    for name in ("turbine", "blade"):
+        ours, theirs = (getattr(m, name).frequency_response(FREQUENCY) for m in (shipped, rebuilt))
+        scale = np.abs(theirs).max(axis=(0, 2))[None, :, None]
+        np.testing.assert_allclose(ours / scale, theirs / scale, atol=1e-6)
+
+
+def test_coupled_models_are_stable_and_of_the_order_counted(rebuilt):
+    modes = 2 * (3 * CASE.reduction.blade_modes + CASE.reduction.tower_modes)
+    assert rebuilt.turbine.order == modes + 3 * CASE.reduction.aerodynamic_states
+    assert rebuilt.turbine.spectral_radius() < 1.0
+    assert rebuilt.blade.spectral_radius() < 1.0
+
+
+def test_open_loop_rms_is_the_spectrum_through_the_frequency_response(rebuilt):
+    """Integral of |H|^2 S over frequency with the analytic von Karman spectrum."""
+    frequency = np.geomspace(1e-4, 20.0, 3000)
+    response = rebuilt.turbine.select(inputs=["wind"], outputs=["rbm_0", "rbm_c", "rbm_s"])
+    gain = np.abs(response.frequency_response(frequency)[:, :, 0]) ** 2 @ [1.0, 0.5, 0.5]
+    spectrum = von_karman_spectrum(frequency, 11.0, 0.10, 147.0)
+    rms = np.sqrt(np.trapezoid(gain * spectrum, frequency) + gain[0] * spectrum[0] * frequency[0])
+    assert open_loop_rms(CASE, rebuilt.turbine) == pytest.approx(rms, rel=5e-3)
+
+
+def test_halving_the_flap_halves_its_gain_and_changes_the_hash():
+    case = replace(CASE, flap=replace(CASE.flap, effectiveness=0.5))
+    full = replace(CASE, flap=replace(CASE.flap, effectiveness=1.0))
+    models = [build_model(c) for c in (case, full)]
+    columns = [name for name in models[0].turbine.inputs if name != "wind"]
+    half, whole = (m.turbine.select(inputs=columns).dc_gain() for m in models)
+    np.testing.assert_allclose(half[:6], 0.5 * whole[:6], rtol=1e-3, atol=1e-3 * np.abs(whole[:6]).max())
+    assert models[0].hash != models[1].hash
+
+
+def test_wake_too_long_for_the_reduction_is_refused_with_its_remedy():
+    long_wake = replace(CASE, discretisation=replace(CASE.discretisation, wake_length=1.0))
+    with pytest.raises(ValueError, match=r"discretisation\.wake_length: 1636 wake rows"):
+        build_model(long_wake)

@@ -1,0 +1,79 @@
+"""Model files: faithful, atomic, and named when something is wrong with them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import safetensors.numpy
+
+from flapgym.aeroelastic import builtin_models, load_model, save_model
+
+
+def test_saved_model_is_loaded_as_it_was(tmp_path):
+    model = load_model()
+    save_model(model, tmp_path / "model.safetensors")
+    again = load_model(tmp_path / "model.safetensors")
+    for name in ("A", "B", "C", "D"):
+        np.testing.assert_array_equal(getattr(again.turbine, name), getattr(model.turbine, name))
+        np.testing.assert_array_equal(getattr(again.blade, name), getattr(model.blade, name))
+    assert (again.hash, again.rbm_rms, again.turbine.inputs) == (
+        model.hash,
+        model.rbm_rms,
+        model.turbine.inputs,
+    )
+
+
+def test_unknown_name_lists_the_shipped_models():
+    with pytest.raises(FileNotFoundError, match="nrel5mw-rated"):
+        load_model("nrel5mw-ratde")
+
+
+@pytest.mark.parametrize("cut", [0, 10, 5000])
+def test_truncated_file_is_named_as_damaged(tmp_path, cut):
+    path = tmp_path / "cut.safetensors"
+    save_model(load_model(), path)
+    path.write_bytes(path.read_bytes()[:cut])
+    with pytest.raises(ValueError, match="damaged or not a model file"):
+        load_model(path)
+
+
+def test_changed_matrix_is_named_as_damaged(tmp_path):
+    path = tmp_path / "flipped.safetensors"
+    save_model(load_model(), path)
+    content = bytearray(path.read_bytes())
+    content[-3] ^= 0x10
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="damaged, its matrices do not match"):
+        load_model(path)
+
+
+def test_other_safetensors_file_is_no_model(tmp_path):
+    path = tmp_path / "other.safetensors"
+    safetensors.numpy.save_file({"a": np.zeros(3)}, path)
+    with pytest.raises(ValueError, match="not a flapgym model file"):
+        load_model(path)
+
+
+def test_other_format_version_is_refused(tmp_path):
+    path = tmp_path / "future.safetensors"
+    save_model(replace(load_model(), format_version=99), path)
+    with pytest.raises(ValueError, match="format version 99"):
+        load_model(path)
+
+
+def test_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
+    path = tmp_path / "model.safetensors"
+    path.write_text("old")
+
+    def fail(*args, **kwargs):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("flapgym.aeroelastic.model.safetensors.numpy.save_file", fail)
+    with pytest.raises(OSError, match="disk full"):
+        save_model(load_model(), path)
+    assert path.read_text() == "old"
+    assert [item.name for item in tmp_path.iterdir()] == ["model.safetensors"]
+
+
+def test_shipped_models_are_found_by_name():
+    assert "nrel5mw-rated" in builtin_models()

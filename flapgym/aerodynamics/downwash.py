@@ -80,12 +80,32 @@ def flap_downwash(aero: Aerodynamics, flap: Flap) -> tuple[Array, Array]:
     return (share * tangential).ravel(), (share * arm[:, None] * length).ravel()
 
 
-def gust_downwash(aero: Aerodynamics, direction: ArrayLike = (1.0, 0.0, 0.0)) -> Array:
-    """Downwash of a gust along `direction` (the shaft), one column a strip, shape (n, strips), m/s per m/s.
+def gust_downwash(aero: Aerodynamics) -> Array:
+    """Downwash of a gust along the shaft, one column a strip, shape (n, strips), m/s per m/s.
 
-    All panels of a strip feel it at once, as in the paper; above 5 Hz this over-predicts loads. The sum of the columns
-    is a gust homogeneous over the rotor.
+    All panels of a strip feel it at once, as in the paper. The sum of the columns is a gust homogeneous over the
+    rotor.
     """
     strips = aero.lattice.strips
-    along_normal = aero.normal @ np.asarray(direction, dtype=float)
-    return np.asarray(np.tile(np.eye(strips), (aero.lattice.chordwise, 1)) * along_normal[:, None])
+    return np.asarray(np.tile(np.eye(strips), (aero.lattice.chordwise, 1)) * aero.normal[:, :1])
+
+
+def convected_gust_downwash(aero: Aerodynamics, z: ArrayLike) -> NDArray[np.complex128]:
+    """The same when the gust travels along the chord with the relative wind, shape (nz, n, strips).
+
+    The input is the gust at the strip's leading edge; later panels feel it after the time the air needs to reach
+    them, interpolated linearly between steps so that it stays causal.
+    """
+    lattice = aero.lattice
+    length = np.linalg.norm(lattice.chord_vector, axis=1)
+    tangential = np.einsum(
+        "csi,si->cs",
+        aero.relative_velocity.reshape(lattice.chordwise, lattice.strips, 3),
+        lattice.chord_vector / length[:, None],
+    )
+    station = (np.arange(lattice.chordwise) + 0.75)[:, None] / lattice.chordwise * length
+    delay = (station / tangential / aero.time_step).ravel()
+    whole = np.floor(delay)
+    z = np.atleast_1d(np.asarray(z, dtype=complex))[:, None]
+    arrival = z**-whole * (1.0 - (delay - whole) * (1.0 - 1.0 / z))
+    return arrival[:, :, None] * gust_downwash(aero)

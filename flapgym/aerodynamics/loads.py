@@ -7,6 +7,7 @@ of its own panel and one quarter of the next, the last ring three quarters of th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -20,29 +21,45 @@ Array = NDArray[np.float64]
 BACKWARD_DIFFERENCE = {1: (1.0, -1.0), 2: (1.5, -2.0, 0.5)}
 
 
-def _spanwise(lattice: Lattice, inflow: Inflow, density: float) -> tuple[Array, Array]:
-    """Points (n, 3) and forces (n, 3, n) on the leading segments of the rings."""
+@dataclass(frozen=True, eq=False)
+class BoundSegments:
+    """Straight pieces of bound vortex: midpoints, vectors (q, 3) [m], net circulation (q, n) per ring circulation."""
+
+    midpoint: Array
+    vector: Array
+    net: Array
+
+    def force(self, density: float, velocity: Array) -> Array:
+        """Joukowski's force (q, 3, n) [N] per ring circulation in the velocity (q, 3) of the air past the segments."""
+        return density * np.cross(velocity, self.vector)[:, :, None] * self.net[:, None]
+
+
+def leading_segments(lattice: Lattice) -> BoundSegments:
+    """The spanwise segments at the front of the rings, root to tip, in the rings' order."""
     nc, ns = lattice.chordwise, lattice.strips
     front = lattice.node[:-1]
-    point = 0.5 * (front[:, 1:] + front[:, :-1])
-    per_circulation = density * np.cross(inflow.relative_velocity(point), front[:, 1:] - front[:, :-1])
     own = np.eye(nc * ns)
-    net = own - np.concatenate([np.zeros((ns, nc * ns)), own[:-ns]])
-    return point.reshape(-1, 3), per_circulation.reshape(-1, 3, 1) * net[:, None]
+    return BoundSegments(
+        midpoint=(0.5 * (front[:, 1:] + front[:, :-1])).reshape(-1, 3),
+        vector=(front[:, 1:] - front[:, :-1]).reshape(-1, 3),
+        net=own - np.concatenate([np.zeros((ns, nc * ns)), own[:-ns]]),
+    )
 
 
-def _chordwise(lattice: Lattice, inflow: Inflow, density: float) -> tuple[Array, Array]:
-    """Points (nc (ns + 1), 3) and forces on the side segments of the rings, as far as the trailing edge."""
+def side_segments(lattice: Lattice) -> BoundSegments:
+    """The chordwise segments between the rings, front to back, as far as the trailing edge."""
     nc, ns = lattice.chordwise, lattice.strips
     start = lattice.node[:-1]
     end = np.concatenate([lattice.node[1:-1], lattice.trailing_edge[None]])
-    point = 0.5 * (start + end)
-    per_circulation = density * np.cross(inflow.relative_velocity(point), end - start)
     net = np.zeros((nc, ns + 1, nc, ns))
     rows, strips = np.arange(nc)[:, None], np.arange(ns)[None]
     net[rows, strips + 1, rows, strips] += 1.0
     net[rows, strips, rows, strips] -= 1.0
-    return point.reshape(-1, 3), per_circulation.reshape(-1, 3, 1) * net.reshape(-1, 1, nc * ns)
+    return BoundSegments(
+        midpoint=(0.5 * (start + end)).reshape(-1, 3),
+        vector=(end - start).reshape(-1, 3),
+        net=net.reshape(-1, nc * ns),
+    )
 
 
 def _unsteady(lattice: Lattice, density: float) -> tuple[Array, Array]:
@@ -72,15 +89,14 @@ def force_matrices(
     force : (difference + 1, 3 P, n) float
         F^t = sum_l force[l] Gamma^{t - l} [N], Gamma in m^2/s, components of one point adjacent.
     """
-    span_point, span_force = _spanwise(lattice, inflow, density)
-    chord_point, chord_force = _chordwise(lattice, inflow, density)
+    segments = leading_segments(lattice), side_segments(lattice)
     ring_point, ring_force = _unsteady(lattice, density)
-    weights = BACKWARD_DIFFERENCE[difference]
-    point = np.concatenate([span_point, chord_point, ring_point])
-    n = span_point.shape[0]
+    point = np.concatenate([*(part.midpoint for part in segments), ring_point])
+    weights, n = BACKWARD_DIFFERENCE[difference], ring_point.shape[0]
     force = np.zeros((len(weights), *point.shape, n))
     for lag, weight in enumerate(weights):
         force[lag, -n:] = weight / time_step * ring_force
-    force[0, :n] = span_force
-    force[0, n : n + chord_point.shape[0]] = chord_force
+    force[0, :-n] = np.concatenate(
+        [part.force(density, inflow.relative_velocity(part.midpoint)) for part in segments]
+    )
     return point, force.reshape(len(weights), -1, n)

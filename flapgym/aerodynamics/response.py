@@ -18,6 +18,20 @@ ComplexArray = NDArray[np.complex128]
 _BLOCK = 512  # frequencies handled at once: keeps the table of powers of z below some MB
 
 
+def _project(
+    aero: Aerodynamics, component: int, downwash: NDArray[np.generic], load: NDArray[np.generic]
+) -> tuple[ComplexArray, ComplexArray]:
+    """What the strips' last circulations, then the loads lag by lag, take from inputs and from the wake.
+
+    Returns ([nz,] q, nu) and (q, strips, K) with q = strips + lags ny.
+    """
+    bound, wake = aero.bound_influence[component], aero.wake_influence[component]
+    n, strips, rows = wake.shape
+    wanted = np.concatenate([np.eye(n)[-strips:], *(load @ force for force in aero.force)])
+    wanted = np.linalg.solve(bound.T, wanted.T).T
+    return -wanted @ downwash, -(wanted @ wake.reshape(n, -1)).reshape(-1, strips, rows)
+
+
 def transfer_function(
     aero: Aerodynamics, component: int, z: ArrayLike, downwash: ArrayLike, load: ArrayLike
 ) -> ComplexArray:
@@ -29,8 +43,8 @@ def transfer_function(
         0 collective, 1 whirl (circulation of blade b is exp(+2j pi b / 3) times that of blade 1).
     z : (nz,) complex
         exp(j omega dt), or any other point with |z| > 0.
-    downwash : (n, nu) float or complex
-        Downwash at the collocation points per unit of every input [m/s].
+    downwash : (n, nu) or (nz, n, nu) float or complex
+        Downwash at the collocation points per unit of every input [m/s], the same for every z or not.
     load : (ny, 3 P) float
         Outputs as sums over the forces at `aero.force_point` [1/N].
 
@@ -39,24 +53,44 @@ def transfer_function(
     (nz, ny, nu) complex: output at a step per input at the same step.
     """
     z, downwash, load = np.atleast_1d(np.asarray(z)), np.asarray(downwash), np.asarray(load)
-    bound, wake = aero.bound_influence[component], aero.wake_influence[component]
-    n, strips, rows = wake.shape
-    lags, ny, nu = aero.force.shape[0], load.shape[0], downwash.shape[1]
-    # Rows of interest of Gamma: the strips' last rings, then the loads by lag.
-    wanted = np.concatenate([np.eye(n)[-strips:], *(load @ force for force in aero.force)])
-    wanted = np.linalg.solve(bound.T, wanted.T).T
-    per_input = -wanted @ downwash
-    per_wake = -(wanted @ wake.reshape(n, -1)).reshape(-1, rows)
+    per_input, per_wake = _project(aero, component, downwash, load)
+    _, strips, rows = per_wake.shape
+    lags, ny, nu = aero.force.shape[0], load.shape[0], downwash.shape[-1]
     response = np.empty((z.size, ny, nu), dtype=complex)
     for first in range(0, z.size, _BLOCK):
-        part = z[first : first + _BLOCK]
-        powers = part[:, None] ** -np.arange(1.0, rows + 1.0)
-        feedback = (powers @ per_wake.T).reshape(part.size, -1, strips)
-        shed = np.linalg.solve(np.eye(strips) - feedback[:, :strips], per_input[None, :strips])
-        by_lag = (per_input[None, strips:] + feedback[:, strips:] @ shed).reshape(part.size, lags, ny, nu)
-        shift = part[:, None] ** -np.arange(float(lags))
-        response[first : first + _BLOCK] = np.einsum("zl,zlyu->zyu", shift, by_lag)
+        block = slice(first, first + _BLOCK)
+        powers = z[block, None] ** -np.arange(1.0, rows + 1.0)
+        feedback = (powers @ per_wake.reshape(-1, rows).T).reshape(len(powers), -1, strips)
+        direct = per_input[block] if per_input.ndim == 3 else per_input[None]
+        shed = np.linalg.solve(np.eye(strips) - feedback[:, :strips], direct[:, :strips])
+        by_lag = (direct[:, strips:] + feedback[:, strips:] @ shed).reshape(-1, lags, ny, nu)
+        shift = z[block, None] ** -np.arange(float(lags))
+        response[block] = np.einsum("zl,zlyu->zyu", shift, by_lag)
     return response
+
+
+def collective_response(aero: Aerodynamics, signal: ArrayLike, downwash: ArrayLike, load: ArrayLike) -> Array:
+    """Loads (T, ny) in time, from rest, under inputs (T, nu) that are equal on all blades.
+
+    The shift register of the wake is kept, all else is projected on the strips' last circulations and the loads as
+    in the z-domain: some 20 microseconds a step for each thousand wake rings.
+    """
+    signal, downwash, load = np.asarray(signal, float), np.asarray(downwash, float), np.asarray(load, float)
+    per_input, per_wake = (part.real for part in _project(aero, 0, downwash, load))
+    _, strips, rows = per_wake.shape
+    per_wake = per_wake.reshape(-1, strips * rows)
+    lags, ny = aero.force.shape[0], load.shape[0]
+    shed = np.zeros((strips, rows))
+    by_lag = np.zeros((len(signal) + lags, lags, ny))
+    for t, direct in enumerate(signal @ per_input.T):
+        value = direct + per_wake @ shed.ravel()
+        by_lag[t] = value[strips:].reshape(lags, ny)
+        shed[:, 1:] = shed[:, :-1].copy()
+        shed[:, 0] = value[:strips]
+    output = np.zeros((len(signal), ny))
+    for lag in range(lags):
+        output[lag:] += by_lag[: len(signal) - lag, lag]
+    return output
 
 
 def steady_circulation(aero: Aerodynamics, downwash: ArrayLike) -> Array:

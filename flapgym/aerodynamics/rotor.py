@@ -17,9 +17,8 @@ PITCH_AXIS = 0.25
 
 def strip_radius(case: Case) -> Array:
     """Radii of the strips' edges along the blade axis [m]: the beam nodes from the first one that carries lattice."""
-    rotor, grid = case.turbine.rotor, case.discretisation
-    node = np.linspace(rotor.hub_radius, rotor.radius, grid.blade_elements + 1)
-    return np.asarray(node[grid.first_lattice_node :])
+    grid = case.discretisation
+    return case.turbine.blade_sections(grid.blade_elements).radius[grid.first_lattice_node :]
 
 
 def rotor_inflow(case: Case) -> Inflow:
@@ -49,13 +48,17 @@ def chord_direction(angle: Array, precone: float) -> Array:
     return np.stack([sine * np.cos(precone), np.cos(angle) + zero, sine * np.sin(precone)], axis=-1)
 
 
-def blade_edges(case: Case, axis_point: Array | None = None) -> tuple[Array, Array]:
+def blade_edges(
+    case: Case, axis_point: Array | None = None, turned: Array | None = None
+) -> tuple[Array, Array]:
     """Leading and trailing edge of blade 1 at the strips' edges, each (strips + 1, 3) in S at azimuth zero [m].
 
     Parameters
     ----------
     axis_point : (strips + 1, 3) float, optional
         Where the beam axis is at the strips' edges; by default the undeformed, coned straight line.
+    turned : (strips + 1, 3, 3) float, optional
+        Rotation of the sections there from their undeformed attitude; default none.
     """
     turbine = case.turbine
     precone, planform, radius = turbine.rotor.precone, turbine.planform, strip_radius(case)
@@ -64,10 +67,14 @@ def blade_edges(case: Case, axis_point: Array | None = None) -> tuple[Array, Arr
     chord = np.interp(radius, planform.radius, planform.chord)
     angle = np.interp(radius, planform.radius, planform.twist) + case.operating_point.pitch
     vector = chord[:, None] * chord_direction(angle, precone)
+    if turned is not None:
+        vector = np.einsum("sij,sj->si", turned, vector)
     return axis_point - PITCH_AXIS * vector, axis_point + (1.0 - PITCH_AXIS) * vector
 
 
-def build_aerodynamics(case: Case, blades: int = 3, positions: Array | None = None) -> Aerodynamics:
+def build_aerodynamics(
+    case: Case, blades: int = 3, positions: Array | None = None, turned: Array | None = None
+) -> Aerodynamics:
     """Aerodynamics of a case's rotor, or of one of its blades alone.
 
     Parameters
@@ -78,9 +85,13 @@ def build_aerodynamics(case: Case, blades: int = 3, positions: Array | None = No
         3 for the rotor, 1 for a single blade that turns alone in its own wake.
     positions : (strips + 1, 3) float, optional
         Beam axis at the strips' edges in S [m], from node `first_lattice_node` outwards; default undeformed.
+    turned : (strips + 1, 3, 3) float, optional
+        Rotation of the sections there from their undeformed attitude; default none.
     """
     inflow, grid = rotor_inflow(case), case.discretisation
-    lattice = build_lattice(*blade_edges(case, positions), grid.chordwise_panels, inflow, grid.time_step)
+    lattice = build_lattice(
+        *blade_edges(case, positions, turned), grid.chordwise_panels, inflow, grid.time_step
+    )
     return assemble(
         lattice,
         inflow,

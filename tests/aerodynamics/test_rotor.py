@@ -28,12 +28,12 @@ def steady_root_moment(aero, case, downwash):
     return (root_moment_load(aero, case) @ aero.force.sum(axis=0) @ circulation).item()
 
 
-def test_lattice_of_the_paper(rotor):
+def test_lattice_of_the_paper(rotor, case):
     assert rotor.lattice.node.shape == (11, 11, 3)
     assert rotor.wake_rows == 409
     assert rotor.wake_influence.shape == (2, 100, 10, 409)
     radius = np.linalg.norm(beam_axis(rotor), axis=1)
-    np.testing.assert_allclose(radius[[0, 1, -1]], [11.75, 16.875, 63.0])
+    np.testing.assert_allclose(radius, case.turbine.blade_sections_12.radius[2:])
 
 
 def test_blade_meets_the_air_with_its_leading_edge(rotor, case):
@@ -85,11 +85,11 @@ def test_whirl_weighs_the_next_blade_by_a_third_of_a_turn(rotor):
 @pytest.mark.parametrize("component", [0, 1])
 def test_z_domain_equals_marching(component, rotor, case):
     # A growing oscillation from rest: what the start leaves behind is far below the signal at the end.
-    steps = 900
-    growth = 1.03 * np.exp(2j * np.pi * 0.8 * rotor.time_step)
+    steps = 600
+    growth = 1.04 * np.exp(2j * np.pi * 0.8 * rotor.time_step)
     phase = np.exp(2j * np.pi * component * np.arange(3) / 3)
     signal = np.real(growth ** np.arange(1.0 - steps, 1.0)[:, None] * phase)
-    inputs = np.column_stack([gust_downwash(rotor).sum(axis=1), *flap_downwash(rotor, case.flap)])
+    inputs = np.column_stack([gust_downwash(rotor)[:, 9], flap_downwash(rotor, case.flap)[0]])
     load = root_moment_load(rotor, case)
     response = transfer_function(rotor, component, growth, inputs, load)[0, 0]
     for column, gain in zip(inputs.T, response, strict=True):

@@ -48,3 +48,17 @@ def straight_wing(panels=10, courant=1.0, wake_chords=100.0, span=1e4, strips=1,
 def theodorsen(k):
     """Lift-deficiency function of reduced frequency k = omega c / 2 V."""
     return hankel2(1, k) / (hankel2(1, k) + 1j * hankel2(0, k))
+
+
+def elliptic_wing(aspect_ratio, panels=10, strips=40, straight=0.25, wake_chords=20.0):
+    """Flat elliptic wing of unit root chord on even strips, the chords' points at fraction `straight` in line."""
+    span = aspect_ratio * np.pi / 4
+    flow = np.array([0.0, 1.0, 0.0])
+    inflow = Inflow(velocity=flow, rotor_speed=0.0, wake_velocity=flow)
+    z = np.linspace(-span / 2, span / 2, strips + 1)
+    chord = np.sqrt(np.clip(1.0 - (2.0 * z / span) ** 2, 1e-8, None))
+    leading = np.stack([0.0 * z, -straight * chord, z], axis=1)
+    lattice = build_lattice(leading, leading + chord[:, None] * flow, panels, inflow, 1.0 / panels)
+    rows = round(wake_chords * panels)
+    aero = assemble(lattice, inflow, time_step=1.0 / panels, wake_rows=rows, air_density=1.0)
+    return Wing(aero, area=np.pi / 4 * span)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Annotated, Any, Literal
 
@@ -88,7 +87,7 @@ class Flap:
     span_start, span_end : float
         Ends of the flap as fractions of the lattice's span.
     chord_fraction : float
-        Flap chord over local chord; a whole number of chordwise panels.
+        Flap chord over local chord.
     effectiveness : float or "glauert"
         Factor on the downwash of the flap's panels: "glauert" for the one that gives thin-aerofoil theory's lift
         (see `flapgym.aerodynamics`), 1 for the lattice's own.
@@ -160,12 +159,6 @@ class Case:
     def __post_init__(self) -> None:
         check_fields(self)
         self.turbine.blade_sections(self.discretisation.blade_elements)
-        panels = self.flap.chord_fraction * self.discretisation.chordwise_panels
-        if round(panels) < 1 or not math.isclose(panels, round(panels), abs_tol=1e-9):
-            raise ValueError(
-                f"flap.chord_fraction: expected a multiple of one chordwise panel "
-                f"(1/{self.discretisation.chordwise_panels}), got {self.flap.chord_fraction}"
-            )
 
     @property
     def rotor_speed(self) -> float:

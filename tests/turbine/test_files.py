@@ -132,11 +132,6 @@ CASE_FAULTS = {
         '"glaurt"',
         "flap.effectiveness: expected a number, a number such as 0.5, got 'glaurt'; or write 'glauert'",
     ),
-    "half a panel": (
-        '"10 %"         # of the local',
-        '"15 %"  #',
-        "flap.chord_fraction: expected a multiple of one",
-    ),
     "inside out flap": (
         "span_end = 0.9",
         "span_end = 0.6",

@@ -1,0 +1,177 @@
+"""The command line: what it writes can be read back, and what it refuses costs one line and no file."""
+
+import json
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from flapgym import cli
+from flapgym.aeroelastic import load_model, save_model
+from flapgym.control import AGENT_NAMES
+from flapgym.turbine import load_case
+
+
+@pytest.fixture
+def run(capsys, monkeypatch, tmp_path):
+    """Run the command line in an empty folder; return its exit code, output and error output."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        try:
+            code = cli.main([str(argument) for argument in arguments])
+        except SystemExit as exit_:
+            code = exit_.code
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return call
+
+
+def refused(result, *parts):
+    """Whether it was refused: exit code 2, nothing on standard output, one line with these parts."""
+    code, out, err = result
+    assert (code, out) == (2, "")
+    assert err.endswith("\n")
+    assert err.count("\n") == 1, err
+    for part in parts:
+        assert part in err
+    return True
+
+
+SMALL_CASE = """
+base = "nrel5mw-rated"
+name = "small"
+[discretisation]
+chordwise_panels = 2
+wake_length = "0.05 rotor diameters"
+time_step = "30 ms"
+[reduction]
+blade_modes = 3
+tower_modes = 3
+aerodynamic_states = 6
+"""
+
+
+def test_build_writes_the_model_of_a_case_file(run, tmp_path):
+    (tmp_path / "small.toml").write_text(SMALL_CASE)
+    code, out, err = run("build", "small.toml", "--output", "small.safetensors")
+    assert code == 0
+    assert "wrote small.safetensors" in out
+    assert "5/5" in err  # the progress bar reached its end
+    model = load_model("small.safetensors")
+    assert model.name == "small"
+    assert model.time_step == 0.03
+    assert model.hash == load_case("small.toml").hash()
+    assert sorted(os.listdir()) == ["small.safetensors", "small.toml"]
+
+
+def test_info_says_what_the_shipped_model_holds(run):
+    code, out, _ = run("info")
+    model = load_model()
+    assert code == 0
+    assert model.hash[:12] in out
+    assert f"{model.turbine.order} states" in out
+    assert re.search(r"0\.3\d\d Hz", out), "the first tower mode of the paper's Table 1, 0.32 Hz"
+
+
+@pytest.mark.parametrize(
+    "arguments, parts",
+    [
+        ([], ["COMMAND"]),
+        (["fly"], ["fly"]),
+        (["build", "nrel5mw-rated"], ["--output"]),
+        (["build", "nrel5mw-rates", "--output", "m"], ["nrel5mw-rates", "nrel5mw-rated"]),
+        (["build", "nrel5mw-rated", "--output", "no/such/m"], ["--output", "no/such"]),
+        (["build", "nrel5mw-rated", "--output", "."], ["--output", "folder"]),
+        (["info", "missing.safetensors"], ["missing.safetensors"]),
+        (["compare", "--agents", "lgq"], ["lgq", "lqg"]),
+        (["compare", "--agents", "pd", "pd"], ["pd"]),
+        (["compare", "--agents"], ["--agents"]),
+        (["compare", "--model", "missing.safetensors"], ["missing.safetensors"]),
+        (["compare", "--realisations", "0"], ["realisations", "0"]),
+        (["compare", "--realisations", "few"], ["--realisations", "few"]),
+        (["compare", "--duration", "nan"], ["duration", "nan"]),
+        (["compare", "--seed", "-1"], ["seed", "-1"]),
+        (["compare", "--realisation", "5", "--ouptut", "here"], ["--ouptut"]),
+    ],
+)
+def test_bad_input_costs_one_line_and_leaves_no_file(run, arguments, parts):
+    assert refused(run(*arguments), *parts)
+    assert os.listdir() == []
+
+
+@pytest.mark.parametrize(
+    "text, parts",
+    [
+        ('name = "mine"\n', ["turbine", "missing"]),
+        (
+            'base = "nrel5mw-rated"\nname = "mine"\n[flap]\nangle_limit = "10 m"\n',
+            ["flap.angle_limit", "'m'"],
+        ),
+        ('base = "nrel5mw-rated"\nname = "mine"\n[flap]\nangel_limit = "10 deg"\n', ["flap.angel_limit"]),
+        ('base = "nrel5mw-rated"\nname = "mine"\n[flap\n', ["mine.toml", "TOML"]),
+    ],
+)
+def test_a_faulty_case_file_costs_one_line_and_leaves_no_model(run, tmp_path, text, parts):
+    (tmp_path / "mine.toml").write_text(text)
+    assert refused(run("build", "mine.toml", "--output", "mine.safetensors"), "mine.toml", *parts)
+    assert os.listdir() == ["mine.toml"]
+
+
+@pytest.mark.parametrize("command", [["info"], ["compare", "--model"]])
+def test_a_damaged_model_file_is_refused(run, tmp_path, command):
+    path = tmp_path / "damaged.safetensors"
+    save_model(load_model(), path)
+    content = bytearray(path.read_bytes())
+    content[-100] ^= 0xFF
+    path.write_bytes(content)
+    assert refused(run(*command, path.name), "damaged.safetensors", "damaged")
+    path.write_bytes(content[:5000])
+    assert refused(run(*command, path.name), "damaged.safetensors")
+    path.write_text("not a model")
+    assert refused(run(*command, path.name), "damaged.safetensors")
+    assert os.listdir() == ["damaged.safetensors"]
+
+
+def test_an_output_folder_that_is_a_file_is_refused_and_kept(run, tmp_path):
+    (tmp_path / "results").write_text("mine")
+    assert refused(run("compare", "--agents", "open_loop"), "results")
+    assert (tmp_path / "results").read_text() == "mine"
+
+
+def test_compare_writes_its_table_in_every_form(run):
+    code, out, _ = run("compare", "--agents", "open_loop", "pd", "--realisations", "2", "--duration", "20")
+    assert code == 0
+    assert "pd" in out
+    scores = json.loads(Path("results/compare.json").read_text())["agents"]
+    assert list(scores) == ["open_loop", "pd"]
+    assert scores["open_loop"]["rbm_rms_change"] == {"mean": 0.0, "low": 0.0, "high": 0.0}
+    change = scores["pd"]["rbm_rms_change"]
+    assert change["low"] <= change["mean"] <= change["high"]
+    assert f"{scores['pd']['rbm_rms'] / 1e6:.3f}" in out
+    assert sorted(os.listdir("results")) == ["compare.csv", "compare.json", "compare.md", "compare.png"]
+
+
+def test_results_stay_when_a_later_comparison_is_refused(run):
+    assert run("compare", "--agents", "open_loop", "--realisations", "1", "--duration", "5")[0] == 0
+    before = Path("results/compare.json").read_text()
+    assert refused(run("compare", "--agents", "nobody"), "nobody")
+    assert Path("results/compare.json").read_text() == before
+
+
+def test_an_interrupt_ends_with_a_line_and_the_shell_s_exit_code(run, monkeypatch):
+    def interrupted(**_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "compare", interrupted)
+    code, _, err = run("compare")
+    assert code == 130
+    assert err == "flapgym compare: interrupted; what was written before stays\n"
+
+
+def test_help_names_every_shipped_agent(run):
+    code, out, _ = run("compare", "--help")
+    assert code == 0
+    assert all(name in out for name in AGENT_NAMES)

@@ -4,8 +4,8 @@ from flapgym.control.agent import Agent, OpenLoop
 from flapgym.control.agent_files import AGENT_NAMES, load_agent, made_for, save_agent
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, stability, stationary_rms
-from flapgym.control.lqg import Weights, design_model, synthesise
-from flapgym.control.pd import PDGains, pd_controller
+from flapgym.control.lqg import Weights, design_model, lqg_agent, synthesise
+from flapgym.control.pd import PDGains, pd_agent
 from flapgym.control.policy import Policy
 
 __all__ = [
@@ -20,8 +20,9 @@ __all__ = [
     "closed_loop",
     "design_model",
     "load_agent",
+    "lqg_agent",
     "made_for",
-    "pd_controller",
+    "pd_agent",
     "save_agent",
     "stability",
     "stationary_rms",

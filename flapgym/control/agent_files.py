@@ -94,7 +94,7 @@ def save_agent(
     }
     if isinstance(agent, BladeController):
         header |= {"kind": "blade_controller", "time_step": agent.system.time_step}
-        tensors = {key: getattr(agent.system, key) for key in "ABCD"}
+        tensors = {key: getattr(agent.system, key) for key in "ABCD"} | {"start": agent.start}
     else:
         header |= {
             "kind": "policy",
@@ -162,7 +162,9 @@ def _blade_controller(
         inputs=CONTROLLER_INPUTS,
         outputs=CONTROLLER_OUTPUTS,
     )
-    return BladeController(header["name"], system, model.acceleration_limit, header["model_hash"])
+    return BladeController(
+        header["name"], system, tensors["start"], model.acceleration_limit, header["model_hash"]
+    )
 
 
 def _policy(header: Mapping[str, Any], tensors: Mapping[str, Array]) -> Policy:

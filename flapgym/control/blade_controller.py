@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.control.agent import BLADES, Array, Floats, by_blade
+from flapgym.control.agent import Array, Floats, by_blade
 from flapgym.state_space import StateSpace
 
 CONTROLLER_INPUTS = ("rbm", "flap_angle", "flap_rate")
@@ -27,6 +27,9 @@ class BladeController:
         What tables call it.
     system : StateSpace
         Inputs ``CONTROLLER_INPUTS`` [N m, rad, rad/s], output ``CONTROLLER_OUTPUTS`` [rad/s^2], at the plant's step.
+    start : (order, 3) float
+        State at the start of an episode from the first inputs. A controller that begins at zero takes the load it finds
+        for a sudden one and throws the flap.
     acceleration_limit : float
         Acceleration of a full action [rad/s^2].
     model_hash : str or None
@@ -35,6 +38,7 @@ class BladeController:
 
     name: str
     system: StateSpace
+    start: Array
     acceleration_limit: float
     model_hash: str | None = None
     observe: tuple[str, ...] = field(default=CONTROLLER_INPUTS, init=False)
@@ -52,6 +56,10 @@ class BladeController:
                 f"agent {self.name}: acceleration_limit must be positive, got {self.acceleration_limit}"
             )
         s = self.system
+        if self.start.shape != (s.order, len(CONTROLLER_INPUTS)):
+            raise ValueError(
+                f"agent {self.name}: start: expected shape {(s.order, 3)}, got {self.start.shape}"
+            )
         # One product a step: [state, input] -> [next state, action].
         object.__setattr__(
             self,
@@ -78,10 +86,10 @@ class BladeController:
         order = self.system.order
         batch = measured.shape[:-2]
         if state is None:
-            state = np.zeros((*batch, BLADES, order))
+            state = measured @ self.start.T
         elif episode_start is not None and np.any(episode_start):
-            start = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), batch or (1,))
-            state = np.where(start.reshape(*batch, 1, 1), 0.0, state)
+            begins = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), batch or (1,))
+            state = np.where(begins.reshape(*batch, 1, 1), measured @ self.start.T, state)
         after = np.concatenate([state, measured], axis=-1) @ self._step
         action = np.clip(after[..., order], -1.0, 1.0).astype(np.float32)
         return action, after[..., :order]

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS
+from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
 from flapgym.state_space import Array, StateSpace, series
 from flapgym.turbulence import von_karman_filter
 
@@ -118,6 +118,18 @@ def design_model(model: TurbineModel) -> DesignModel:
     )
 
 
+def lqg_agent(name: str, model: TurbineModel, weights: Weights) -> BladeController:
+    """The LQG designed on the clamped blade of `model`, three copies of it, under the name given."""
+    design = design_model(model)
+    return BladeController(
+        name,
+        synthesise(design, weights),
+        first_estimate(design, weights),
+        model.acceleration_limit,
+        model.hash,
+    )
+
+
 def synthesise(design: DesignModel, weights: Weights) -> StateSpace:
     """The controller of one blade: inputs [N m, rad, rad/s], output [rad/s^2], one step of computing delay.
 
@@ -136,6 +148,19 @@ def synthesise(design: DesignModel, weights: Weights) -> StateSpace:
         inputs=CONTROLLER_INPUTS,
         outputs=CONTROLLER_OUTPUTS,
     )
+
+
+def first_estimate(design: DesignModel, weights: Weights) -> Array:
+    """Controller state (n, 3) at the start of an episode, per unit of its first inputs [N m, rad, rad/s].
+
+    The expectation of a blade in stationary turbulence given the first measurement: P C' / (C P C' + R).
+    """
+    covariance = scipy.linalg.solve_discrete_lyapunov(design.A, design.G @ design.G.T)
+    seen = design.C @ covariance
+    noise = (weights.measurement_noise * design.rbm_rms) ** 2
+    gain = seen.T / ((seen @ design.C.T) + design.H @ design.H.T + noise)
+    flap = np.diag([1.0 / design.angle_limit, 1.0 / design.rate_limit])
+    return gain @ np.hstack([np.array([[1.0 / RBM_UNIT]]), -design.D @ flap])
 
 
 def predictor_gain(design: DesignModel, weights: Weights) -> tuple[Array, Array]:

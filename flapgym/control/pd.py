@@ -6,8 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
 from flapgym.state_space import StateSpace
+
+PD_START = np.array([[1.0, 0.0, 0.0]])
+"""First state per unit of the first inputs: the low-passed moment is the moment, so its slope begins at zero."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,12 @@ class PDGains:
         for name in ("filter_time", "servo_frequency", "servo_damping"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"pd.{name}: expected a positive number, got {getattr(self, name)}")
+
+
+def pd_agent(name: str, model: TurbineModel, gains: PDGains) -> BladeController:
+    """Three copies of the PD controller at the step of `model`, under the name given."""
+    system = pd_controller(gains, model.time_step)
+    return BladeController(name, system, PD_START, model.acceleration_limit, model.hash)
 
 
 def pd_controller(gains: PDGains, time_step: float) -> StateSpace:

@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 
 from flapgym.control import (
-    BladeController,
     OpenLoop,
     PDGains,
     Policy,
     Weights,
-    design_model,
     load_agent,
+    lqg_agent,
     made_for,
-    pd_controller,
+    pd_agent,
     save_agent,
-    synthesise,
 )
 from tests.synthetic import synthetic_model
 
@@ -25,8 +23,7 @@ MODEL = synthetic_model()
 
 
 def _lqg():
-    system = synthesise(design_model(MODEL), Weights(rbm=3.0))
-    return BladeController("lqg", system, MODEL.acceleration_limit, MODEL.hash)
+    return lqg_agent("lqg", MODEL, Weights(rbm=3.0))
 
 
 def _policy(per_blade=True, squash="clip", activation="tanh"):
@@ -86,12 +83,20 @@ def test_the_controller_runtime_equals_its_state_space():
     agent = _lqg()
     observations = _observations(50)
     blade = observations.reshape(50, 3, 3)[:, :, 1].astype(float) * [1e6, 1.0, 1.0]
-    expected = np.clip(agent.system.simulate(blade)[:, 0] / agent.acceleration_limit, -1.0, 1.0)
+    series = agent.system.simulate(blade, agent.start @ blade[0])
+    expected = np.clip(series[:, 0] / agent.acceleration_limit, -1.0, 1.0)
     state, found = None, []
     for observation in observations:
         action, state = agent.predict(observation, state)
         found.append(action[1])
     np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_a_slope_is_not_read_into_the_first_sample_of_an_episode():
+    agent = pd_agent("pd", MODEL, PDGains(3e-8, 5.0, 0.05, 3.0, 0.8))
+    still = np.concatenate([[1.0, -0.5, 0.2], np.zeros(6)])
+    action, _ = agent.predict(still)
+    np.testing.assert_allclose(action * MODEL.acceleration_limit, -(3.0**2) * 3e-2 * still[:3], rtol=1e-5)
 
 
 def test_a_shared_policy_treats_blades_alike():
@@ -120,7 +125,7 @@ def test_a_policy_equals_the_same_network_in_torch(squash, activation):
 
 def test_the_pd_servo_settles_at_the_demanded_angle():
     gains = PDGains(3e-7, 0.1, 0.05, 9.0, 0.8)
-    agent = BladeController("pd", pd_controller(gains, MODEL.time_step), MODEL.acceleration_limit)
+    agent = pd_agent("pd", MODEL, gains)
     angle, rate, state, dt = np.zeros(3), np.zeros(3), None, MODEL.time_step
     for _ in range(1000):
         observation = np.concatenate([[0.2, 0.0, -0.2], angle, rate])

@@ -10,6 +10,7 @@ from flapgym.control.lqg import (
     RBM_UNIT,
     Weights,
     design_model,
+    first_estimate,
     predictor_gain,
     regulator_gain,
     synthesise,
@@ -71,6 +72,15 @@ def test_leaving_out_the_cross_covariance_predicts_worse(design_with_feedthrough
         d.A - blind @ d.C, drive @ drive.T + _noise(d) * blind @ blind.T
     )
     assert (d.C @ worse @ d.C.T)[0, 0] > 1.01 * (d.C @ p @ d.C.T)[0, 0]
+
+
+def test_the_first_estimate_leaves_an_error_that_the_measurement_does_not_explain(design_with_feedthrough):
+    d = design_with_feedthrough
+    gain = first_estimate(d, WEIGHTS)[:, :1] * RBM_UNIT
+    stationary = scipy.linalg.solve_discrete_lyapunov(d.A, d.G @ d.G.T)
+    measured = d.C @ stationary @ d.C.T + d.H @ d.H.T + _noise(d)
+    np.testing.assert_allclose(gain @ measured, stationary @ d.C.T, atol=1e-10)
+    assert (d.C @ gain)[0, 0] == pytest.approx(1.0, abs=0.002)
 
 
 def _single_blade_loop(design, controller):

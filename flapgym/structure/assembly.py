@@ -35,8 +35,9 @@ def assemble(
 ) -> tuple[Array, Array, Array]:
     """M, C, K of support and equally spaced blades at one azimuth [rad] of the first blade.
 
-    Unknowns: the blades' 6n each, in their own frames, then the support's N. The steady hub loads of the
-    blades are taken to balance (equal blades).
+    Unknowns: the blades' 6n each, in their own frames, then the support's N. Loads on the blades also act on the
+    support, by their resultant about the apex. The steady hub loads of the blades are taken to balance, as those
+    of equal blades do (`joint.steady_load_tangent` gives what a remainder adds).
     """
     sizes = [blade.mass.shape[0] for blade in blades]
     rotor, total = sum(sizes), sum(sizes) + support.mass.shape[0]
@@ -64,11 +65,14 @@ def assemble(
 
 
 def parked_modes(turbine: Turbine, elements: int = 12, count: int = 20) -> tuple[Array, Array]:
-    """Lowest natural frequencies (count,) [Hz] and mode shapes (N, count) of the parked turbine, blade 1 up.
+    """Lowest frequencies (count,) [Hz] and shapes (N, count), of unit modal mass, of the parked turbine, blade 1 up.
 
     Undamped, no wind, no gravity, generator locked: the paper's Table 1.
     """
     blade = linear_blade(turbine, elements)
     mass, _, stiffness = assemble([blade] * turbine.rotor.blade_count, linear_support(turbine))
-    squared, shapes = scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, count - 1))
-    return np.sqrt(squared) / (2.0 * np.pi), shapes
+    # The inverse problem has the lowest modes at its well-conditioned end.
+    total = len(mass)
+    inverse, shapes = scipy.linalg.eigh(mass, stiffness, subset_by_index=(total - count, total - 1))
+    frequencies = 1.0 / (2.0 * np.pi * np.sqrt(inverse[::-1]))
+    return frequencies, shapes[:, ::-1] * 2.0 * np.pi * frequencies

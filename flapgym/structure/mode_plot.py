@@ -1,0 +1,68 @@
+"""Drawing of the parked turbine's mode shapes, as the paper's Figure 9; matplotlib is loaded only when it is called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flapgym.structure.blade import linear_blade
+from flapgym.structure.modes import Mode, named_modes
+from flapgym.structure.rotation import Array, about_x
+from flapgym.structure.support import LinearSupport, linear_support
+from flapgym.turbine import Turbine
+
+SWING = 15.0
+"""Largest drawn displacement [m]."""
+
+
+def turbine_lines(turbine: Turbine, elements: int, mode: Mode | None = None) -> list[Array]:
+    """Tower, shaft and blades as lines (points, 3) [m] in the tower frame, at rest or swung out in a parked mode."""
+    support, blade = linear_support(turbine), linear_blade(turbine, elements)
+    size = 6 * elements
+    shape = np.zeros(3 * size + support.mass.shape[0]) if mode is None else mode.shape
+    tower, hub = support.tower_position, support.hub @ shape[3 * size :]
+    lines, moves = [tower], [_tower_motion(support, shape[3 * size :])]
+    link = np.array([tower[-1], support.apex])
+    lines.append(link)
+    moves.append(np.array([moves[0][-1], support.shaft_axes @ hub[:3]]))
+    for index in range(turbine.rotor.blade_count):
+        turn = about_x(2.0 * np.pi * index / turbine.rotor.blade_count)
+        own = np.vstack([np.zeros(3), shape[index * size : (index + 1) * size].reshape(-1, 6)[:, :3]])
+        points = blade.position @ turn.T
+        moved = own @ turn.T + hub[:3] + np.cross(hub[3:], points)
+        lines.append(support.apex + points @ support.shaft_axes.T)
+        moves.append(moved @ support.shaft_axes.T)
+    largest = max(float(np.abs(move).max()) for move in moves)
+    scale = 0.0 if mode is None else SWING / largest
+    return [line + scale * move for line, move in zip(lines, moves, strict=True)]
+
+
+def _tower_motion(support: LinearSupport, shape: Array) -> Array:
+    free = shape[: 6 * (len(support.tower_position) - 1)].reshape(-1, 6)[:, :3]
+    return np.vstack([np.zeros(3), free])
+
+
+def plot_modes(turbine: Turbine, path: Path, elements: int = 48) -> None:
+    """Draw the first twelve modes, by frequency, of the parked turbine and write the picture to `path`."""
+    from matplotlib.figure import Figure
+
+    modes = sorted(named_modes(turbine, elements), key=lambda mode: mode.frequency)[:12]
+    figure = Figure(figsize=(13.0, 15.0), layout="constrained")
+    rest = turbine_lines(turbine, elements)
+    for index, mode in enumerate(modes):
+        axes: Any = figure.add_subplot(4, 3, index + 1, projection="3d")
+        for line in rest:
+            axes.plot(*line.T, color="0.75", linewidth=1.0)
+        for line in turbine_lines(turbine, elements, mode):
+            axes.plot(*line.T, color="tab:blue", linewidth=2.0)
+        axes.set_title(f"{mode.name}\n{mode.frequency:.3f} Hz", fontsize=9, pad=0.0)
+        axes.set_box_aspect((70, 130, 155))
+        axes.set(xlim=(-40, 30), ylim=(-65, 65), zlim=(0, 155))
+        axes.set_xticks([-40, 0])
+        axes.set_yticks([-60, 0, 60])
+        axes.set_zticks([0, 50, 100, 150])
+        axes.view_init(elev=12.0, azim=-125.0)
+    figure.suptitle(f"{turbine.name}, parked, {elements} elements a blade: wind from the left, lengths in m")
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,124 @@
+"""Direct assembly, the Lagrange-multiplier joint and multi-blade coordinates against each other and statics."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flapgym.structure import assemble, linear_blade, linear_support, parked_modes
+from flapgym.structure.joint import (
+    accelerations,
+    frozen_frequencies,
+    join,
+    static_response,
+    steady_load_tangent,
+)
+from flapgym.structure.rotating import multi_blade_matrices
+from flapgym.structure.rotation import about_x
+from flapgym.turbine import load_turbine
+
+OMEGA = 77.0 / 63.0
+
+
+@pytest.fixture(scope="module")
+def turbine():
+    return load_turbine("nrel5mw")
+
+
+@pytest.fixture(scope="module")
+def blade(turbine):
+    return linear_blade(turbine, 12, OMEGA)
+
+
+@pytest.fixture(scope="module")
+def support(turbine):
+    return linear_support(turbine, OMEGA)
+
+
+def test_multipliers_and_direct_assembly_give_the_same_parked_frequencies(turbine) -> None:
+    joined = join([linear_blade(turbine, 12)] * 3, linear_support(turbine))
+    direct, _ = parked_modes(turbine, 12, 20)
+    np.testing.assert_allclose(frozen_frequencies(joined, 20), direct, rtol=1e-8)
+
+
+def test_multipliers_and_direct_assembly_give_the_same_static_response(turbine) -> None:
+    blades, support = [linear_blade(turbine, 12)] * 3, linear_support(turbine)
+    for azimuth in (0.0, 0.9):
+        joined, (_, _, stiffness) = join(blades, support, azimuth), assemble(blades, support, azimuth)
+        load = np.zeros(joined.size + 6)
+        load[12 * 6 - 6 : 12 * 6 - 3] = force = np.array([1e4, 2e4, -3e4])  # at the tip of blade 1
+        load[-6:] = np.concatenate([force, np.cross(blades[0].position[-1], force)])
+        into_hub = np.kron(np.eye(2), about_x(azimuth)) @ load[-6:]
+        direct_load = load[:-6].copy()
+        direct_load[216:] = support.hub.T @ into_hub
+        response, multipliers = static_response(joined, load)
+        direct = np.linalg.solve(stiffness, direct_load)
+        np.testing.assert_allclose(response, direct, atol=1e-8 * np.abs(direct).max())
+        # The joint carries the whole load into the support.
+        np.testing.assert_allclose(multipliers, into_hub, rtol=1e-8, atol=1e-3)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 0.7, 4.0])
+def test_multipliers_and_direct_assembly_accelerate_alike_under_rotation(
+    blade, support, azimuth: float
+) -> None:
+    joined = join([blade] * 3, support, azimuth)
+    mass, damping, stiffness = assemble([blade] * 3, support, azimuth)
+    rng = np.random.default_rng(1)
+    displacement, velocity, load = rng.normal(size=(3, joined.size))
+    hub = np.kron(np.eye(2), about_x(-azimuth)) @ support.hub @ velocity[216:]
+    found, _ = accelerations(joined, displacement, np.append(velocity, hub), np.append(load, np.zeros(6)))
+    expected = np.linalg.solve(mass, load - damping @ velocity - stiffness @ displacement)
+    np.testing.assert_allclose(found[:-6], expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_equal_blades_leave_no_steady_multipliers_and_thrust_shifts_no_mode_by_a_thousandth(turbine) -> None:
+    blade, support = linear_blade(turbine, 12, OMEGA), linear_support(turbine)
+    turns = [np.kron(np.eye(2), about_x(2.0 * np.pi * index / 3)) for index in range(3)]
+    total = sum(turn @ blade.hub_load for turn in turns)
+    assert np.abs(total).max() < 1e-8 * np.abs(blade.hub_load).max()
+    thrust = np.array([740e3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    mass, _, stiffness = assemble([linear_blade(turbine, 12)] * 3, support)
+    changed = stiffness.copy()
+    changed[216:, 216:] += steady_load_tangent(support, thrust)
+    before, after = (
+        np.sort(np.linalg.eigvals(np.linalg.solve(mass, matrix)).real)[:14] for matrix in (stiffness, changed)
+    )
+    np.testing.assert_allclose(np.sqrt(after), np.sqrt(before), rtol=1e-3)
+
+
+def test_equal_blades_make_the_matrices_independent_of_azimuth_and_a_heavier_one_does_not(
+    blade, support
+) -> None:
+    reference = multi_blade_matrices([blade] * 3, support)
+    heavier = replace(
+        blade,
+        **{
+            name: 1.01 * getattr(blade, name)
+            for name in (
+                "mass",
+                "mass_sr",
+                "mass_rs",
+                "mass_rr",
+                "damping",
+                "damping_sr",
+                "damping_rs",
+                "damping_rr",
+            )
+        },
+    )
+    unequal = multi_blade_matrices([blade, blade, heavier], support)
+    for azimuth in (0.4, 1.3, 2.9, 5.5):
+        turned = multi_blade_matrices([blade] * 3, support, azimuth)
+        for first, second in zip(reference, turned, strict=True):
+            np.testing.assert_allclose(second, first, rtol=0.0, atol=1e-12 * np.abs(first).max())
+        lost = multi_blade_matrices([blade, blade, heavier], support, azimuth)
+        difference = max(
+            np.abs(a - b).max() / np.abs(a).max() for a, b in zip(unequal[:2], lost[:2], strict=True)
+        )
+        assert difference > 1e-3
+
+
+def test_without_multi_blade_coordinates_the_couplings_depend_on_azimuth(blade, support) -> None:
+    first, second = (assemble([blade] * 3, support, azimuth)[0][:216, 216:] for azimuth in (0.0, 0.5))
+    assert np.abs(first - second).max() > 0.1 * np.abs(first).max()

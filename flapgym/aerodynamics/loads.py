@@ -1,8 +1,9 @@
 """Forces on a lattice as linear functions of its circulations (paper eq. 12).
 
 Steady part: Joukowski's force on every bound segment, spanwise and chordwise, in the undisturbed relative flow.
-Unsteady part: the rate of the potential jump, which within a ring is its circulation; a ring covers three quarters
-of its own panel and one quarter of the next, the last ring three quarters of the last panel only.
+Unsteady part: the rate of the potential jump over the surface. Within a ring the jump is its circulation; a ring
+covers three quarters of its own panel and one quarter of the next, the last ring three quarters of the last panel only.
+The textbook form (Katz and Plotkin) gives the whole panel its own ring's rate instead; it is kept to compare.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from flapgym.aerodynamics.lattice import Inflow, Lattice
 
 Array = NDArray[np.float64]
+Cover = Literal["ring", "panel"]
 
 # Backward differences of first and second order: weights of the present and the past circulations.
 BACKWARD_DIFFERENCE = {1: (1.0, -1.0), 2: (1.5, -2.0, 0.5)}
@@ -62,10 +64,11 @@ def side_segments(lattice: Lattice) -> BoundSegments:
     )
 
 
-def _unsteady(lattice: Lattice, density: float) -> tuple[Array, Array]:
-    """Points (n, 3) and forces (n, 3, n) per rate of circulation on the part of each ring that lies on the surface."""
+def _unsteady(lattice: Lattice, density: float, cover: Cover) -> tuple[Array, Array]:
+    """Points (n, 3) and forces (n, 3, n) per rate of circulation on the part of the surface that each ring is given."""
     nc = lattice.chordwise
-    corner = lattice.on_surface(np.append((np.arange(nc) + 0.25) / nc, 1.0))
+    offset = {"ring": 0.25, "panel": 0.0}[cover]
+    corner = lattice.on_surface(np.append((np.arange(nc) + offset) / nc, 1.0))
     diagonals = corner[1:, 1:] - corner[:-1, :-1], corner[:-1, 1:] - corner[1:, :-1]
     area = 0.5 * np.cross(*diagonals).reshape(-1, 3)
     centre = 0.25 * (corner[1:, 1:] + corner[:-1, :-1] + corner[:-1, 1:] + corner[1:, :-1])
@@ -73,7 +76,12 @@ def _unsteady(lattice: Lattice, density: float) -> tuple[Array, Array]:
 
 
 def force_matrices(
-    lattice: Lattice, inflow: Inflow, density: float, time_step: float, difference: Literal[1, 2] = 2
+    lattice: Lattice,
+    inflow: Inflow,
+    density: float,
+    time_step: float,
+    difference: Literal[1, 2] = 2,
+    cover: Cover = "ring",
 ) -> tuple[Array, Array]:
     """Where the forces act and how they follow from present and past circulations.
 
@@ -81,6 +89,8 @@ def force_matrices(
     ----------
     difference : {1, 2}
         Order of the backward difference in time; the second order cuts the error at high frequency by three.
+    cover : {"ring", "panel"}
+        The part of the surface on which a ring's rate of circulation acts.
 
     Returns
     -------
@@ -90,7 +100,7 @@ def force_matrices(
         F^t = sum_l force[l] Gamma^{t - l} [N], Gamma in m^2/s, components of one point adjacent.
     """
     segments = leading_segments(lattice), side_segments(lattice)
-    ring_point, ring_force = _unsteady(lattice, density)
+    ring_point, ring_force = _unsteady(lattice, density, cover)
     point = np.concatenate([*(part.midpoint for part in segments), ring_point])
     weights, n = BACKWARD_DIFFERENCE[difference], ring_point.shape[0]
     force = np.zeros((len(weights), *point.shape, n))

@@ -49,19 +49,21 @@ def chord_direction(angle: Array, precone: float) -> Array:
 
 
 def blade_edges(
-    case: Case, axis_point: Array | None = None, turned: Array | None = None
+    case: Case, radius: Array, axis_point: Array | None = None, turned: Array | None = None
 ) -> tuple[Array, Array]:
     """Leading and trailing edge of blade 1 at the strips' edges, each (strips + 1, 3) in S at azimuth zero [m].
 
     Parameters
     ----------
+    radius : (strips + 1,) float
+        The strips' edges along the blade axis [m].
     axis_point : (strips + 1, 3) float, optional
         Where the beam axis is at the strips' edges; by default the undeformed, coned straight line.
     turned : (strips + 1, 3, 3) float, optional
         Rotation of the sections there from their undeformed attitude; default none.
     """
     turbine = case.turbine
-    precone, planform, radius = turbine.rotor.precone, turbine.planform, strip_radius(case)
+    precone, planform = turbine.rotor.precone, turbine.planform
     if axis_point is None:
         axis_point = radius[:, None] * np.array([-np.sin(precone), 0.0, np.cos(precone)])
     chord = np.interp(radius, planform.radius, planform.chord)
@@ -89,9 +91,8 @@ def build_aerodynamics(
         Rotation of the sections there from their undeformed attitude; default none.
     """
     inflow, grid = rotor_inflow(case), case.discretisation
-    lattice = build_lattice(
-        *blade_edges(case, positions, turned), grid.chordwise_panels, inflow, grid.time_step
-    )
+    edges = blade_edges(case, strip_radius(case), positions, turned)
+    lattice = build_lattice(*edges, grid.chordwise_panels, inflow, grid.time_step)
     return assemble(
         lattice,
         inflow,

@@ -91,6 +91,8 @@ class MeanLoads:
     ----------
     circulation : (n,) float
         Bound circulation of a blade [m^2/s].
+    force_point, force : (q, 3) float
+        Where on blade 1 the mean forces act [m] and the forces [N], in S.
     radius : (strips,) float
         Mid-strip distance from the apex along the blade [m].
     out_of_plane, in_plane : (strips,) float
@@ -106,6 +108,8 @@ class MeanLoads:
     """
 
     circulation: Array
+    force_point: Array
+    force: Array
     radius: Array
     out_of_plane: Array
     in_plane: Array
@@ -153,6 +157,8 @@ def mean_loads(case: Case, aero: Aerodynamics) -> MeanLoads:
     pressure = 0.5 * point.air_density * point.wind_speed**2 * np.pi * rotor.radius**2
     return MeanLoads(
         circulation=circulation,
+        force_point=at,
+        force=force,
         radius=radius,
         out_of_plane=strip[:, 0],
         in_plane=-strip[:, 1],

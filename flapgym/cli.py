@@ -1,7 +1,7 @@
 """The command `flapgym`: build a model, score the agents, say what a model file holds.
 
-What a person gave is read and checked before any work; what is refused costs one line on standard error and exit
-code 2.
+Each command has a door, where everything a person gave is read and checked, and behind it the work. What is
+refused at the door costs one line on standard error and exit code 2, and nothing has been touched.
 """
 
 from __future__ import annotations
@@ -20,26 +20,34 @@ from flapgym import __version__
 from flapgym.aeroelastic import TurbineModel, load_model, save_model
 from flapgym.aeroelastic.build import STAGES, build_model
 from flapgym.control import AGENT_NAMES
-from flapgym.evaluation import SCORED_SEED, as_text, compare
+from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
 from flapgym.state_space import StateSpace
 from flapgym.turbine import load_case
 
+# What a command's door returns when all is well: the work, which returns the exit code.
+Work = Callable[[], int]
+Door = Callable[[argparse.Namespace], Work]
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code: 0, 2 for bad input, 130 when interrupted."""
+    """Run the command line and return its exit code: 0, 1 (not written), 2 (bad input) or 130 (interrupted)."""
     options = _parser().parse_args(arguments)
-    run: Callable[[argparse.Namespace], None] = options.run
+    door: Door = options.door
     try:
-        run(options)
-    except np.linalg.LinAlgError:
-        raise  # a ValueError by its class, but a fault of the program
+        work = door(options)
     except (ValueError, OSError) as error:
-        print(f"flapgym {options.command}: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        return _complain(options.command, error, 2)
+    try:
+        return work()
+    except OSError as error:
+        return _complain(options.command, error, 1)
     except KeyboardInterrupt:
-        print(f"flapgym {options.command}: interrupted; what was written before stays", file=sys.stderr)
-        return 130
-    return 0
+        return _complain(options.command, "interrupted; what was written before stays", 130)
+
+
+def _complain(command: str, reason: object, code: int) -> int:
+    print(f"flapgym {command}: {' '.join(str(reason).split())}", file=sys.stderr)
+    return code
 
 
 class _Parser(argparse.ArgumentParser):
@@ -55,9 +63,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"flapgym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def command(name: str, run: Callable[[argparse.Namespace], None], text: str) -> argparse.ArgumentParser:
+    def command(name: str, door: Door, text: str) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
-        sub.set_defaults(run=run)
+        sub.set_defaults(door=door)
         return sub
 
     sub = command("compare", _compare, "score agents on the same turbulence, against open loop")
@@ -105,37 +113,56 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _compare(options: argparse.Namespace) -> None:
-    comparison = compare(
+def _compare(options: argparse.Namespace) -> Work:
+    planned = plan(
         agents=options.agents,
         model=options.model,
         realisations=options.realisations,
         seed=options.seed,
         duration=options.duration,
-        output=options.output,
-        progress=True,
     )
-    print(as_text(comparison))
-    print(f"\nwrote compare.* in {options.output}")
+    folder = writable_folder(options.output)
+
+    def work() -> int:
+        comparison = run(planned, progress=True)
+        write_report(comparison, folder)
+        print(f"{as_text(comparison)}\n\nwrote compare.* in {folder}")
+        return 0
+
+    return work
 
 
-def _build(options: argparse.Namespace) -> None:
+def _build(options: argparse.Namespace) -> Work:
     case = load_case(options.config)
     _check_writable(options.output)
-    with tqdm(total=len(STAGES), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
 
-        def begin(stage: str) -> None:
-            bar.update(STAGES.index(stage) - bar.n)
-            bar.set_description_str(stage)
+    def work() -> int:
+        with tqdm(total=len(STAGES), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
 
-        model = build_model(case, progress=begin)
-        save_model(model, options.output)
-        bar.update(len(STAGES) - bar.n)
-    print(f"wrote {options.output}\n{describe(model)}")
+            def begin(stage: str) -> None:
+                bar.update(STAGES.index(stage) - bar.n)
+                bar.set_description_str(stage)
+
+            try:
+                model = build_model(case, progress=begin)
+            except ValueError as error:  # of this case comes no model
+                return _complain("build", error, 2)
+            save_model(model, options.output)
+            bar.update(len(STAGES) - bar.n)
+        print(f"wrote {options.output}\n{describe(model)}")
+        return 0
+
+    return work
 
 
-def _info(options: argparse.Namespace) -> None:
-    print(describe(load_model(options.model)))
+def _info(options: argparse.Namespace) -> Work:
+    model = load_model(options.model)
+
+    def work() -> int:
+        print(describe(model))
+        return 0
+
+    return work
 
 
 def _check_writable(target: Path) -> None:
@@ -158,7 +185,7 @@ def describe(model: TurbineModel) -> str:
     limits = (model.flap_angle_limit, model.flap_rate_limit, model.acceleration_limit)
     angle, rate, acceleration = (value / degree for value in limits)
     lines = [
-        f"model            {model.name} (format {model.format_version}, inputs {model.hash[:12]})",
+        f"model            {model.name} (format {model.format_version}, hash {model.hash[:12]})",
         f"operating point  wind {model.wind_speed:g} m/s, rotor {model.rotor_speed:.4f} rad/s",
         f"turbulence       intensity {model.turbulence_intensity:.1%}, length scale {model.length_scale:g} m",
         f"time step        {model.time_step:g} s",

@@ -163,11 +163,11 @@ def test_results_stay_when_a_later_comparison_is_refused(run):
 
 
 def test_an_interrupt_ends_with_a_line_and_the_shell_s_exit_code(run, monkeypatch):
-    def interrupted(**_):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "compare", interrupted)
-    code, _, err = run("compare")
+    monkeypatch.setattr(cli, "run", interrupted)
+    code, _, err = run("compare", "--agents", "open_loop")
     assert code == 130
     assert err == "flapgym compare: interrupted; what was written before stays\n"
 

@@ -1,0 +1,143 @@
+"""Response of the turbine to turbulence over a whole episode, computed at once (superposition).
+
+The plant is linear up to the flap's stops, so what the wind does to the loads does not depend on the flaps. Filter and
+turbine are one system driven by white noise; its first state is drawn from the exact stationary distribution, so
+an episode has no run-in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.plant.frame import OutputRows
+from flapgym.plant.lifted import Lifted, lift
+from flapgym.plant.modal import Modal, modal_form
+from flapgym.state_space import Array, StateSpace, series
+from flapgym.turbulence import von_karman_filter
+
+BLOCK_STEPS = 64
+"""Steps taken at once, rounded to whole intervals: about where products and recursion cost the same."""
+
+
+def disturbance_system(model: TurbineModel, length_scale: float) -> StateSpace:
+    """White noise to the turbine's eight outputs and the wind [m/s], at the model's turbulence intensity."""
+    shaping = von_karman_filter(model.wind_speed, model.turbulence_intensity, length_scale, model.time_step)
+    joint = series(shaping, model.turbine.select(inputs=["wind"]))
+    wind = np.hstack([shaping.C, np.zeros((1, model.turbine.order))])
+    return replace(
+        joint,
+        C=np.vstack([joint.C, wind]),
+        D=np.vstack([joint.D, shaping.D]),
+        outputs=(*joint.outputs, "wind"),
+    )
+
+
+def stationary_covariance(modal: Modal) -> Array:
+    """Covariance (n, n) of the states under unit white noise, at the cost of a product.
+
+    In modal coordinates the Lyapunov equation is solved entry by entry: E[z_i conj(z_j)] =
+    b_i b_j' / (1 - l_i conj(l_j)) with b_j conjugate, and E[z_i z_j] alike without the conjugates.
+    """
+    b, values, expand = modal.drive, modal.values, modal.expand
+    direct = b @ b.conj().T / (1.0 - np.outer(values, values.conj()))
+    mirrored = b @ b.T / (1.0 - np.outer(values, values))
+    return np.asarray(0.5 * (expand @ direct @ expand.conj().T + expand @ mirrored @ expand.T).real)
+
+
+def stationary_root(modal: Modal) -> Array:
+    """Map (2 m, n) of standard normal numbers to stationary modes, real and imaginary parts alternating.
+
+    The symmetric root of the states' covariance, each state scaled to unit variance: unlike a factor of the modes' it
+    does not depend on the order and the phase in which a machine happens to return its eigenvectors.
+    """
+    covariance = stationary_covariance(modal)
+    scale = np.sqrt(np.diag(covariance))
+    scale[scale == 0.0] = 1.0
+    weights, vectors = scipy.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, None] * (vectors * np.sqrt(np.clip(weights, 0.0, None))) @ vectors.T
+    modes = modal.project @ root
+    return np.stack([modes.real, modes.imag], axis=1).reshape(2 * modal.order, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbance:
+    """Draws realisations and gives the outputs they cause.
+
+    Attributes
+    ----------
+    modal : Modal
+        White noise to outputs.
+    root : (2 m, n) float
+        Normal numbers to stationary modes.
+    block : Lifted
+        Several intervals at once.
+    intervals_per_block : int
+    rows : OutputRows
+        Rows of one interval.
+    """
+
+    modal: Modal
+    root: Array
+    block: Lifted
+    intervals_per_block: int
+    rows: OutputRows
+
+    @classmethod
+    def of(cls, modal: Modal, root: Array, rows: OutputRows, turn: float) -> Disturbance:
+        """For intervals of `rows`; `turn` is the azimuth [rad] of one step."""
+        intervals = max(1, round(BLOCK_STEPS / rows.steps))
+        block = lift(
+            modal,
+            intervals * rows.steps,
+            np.asarray(np.kron(np.eye(intervals), rows.matrix(turn)), dtype=float),
+        )
+        return cls(modal, root, block, intervals, rows)
+
+    def noise_count(self, intervals: int) -> int:
+        """Random numbers one realisation of so many intervals takes: first state, then one a sample."""
+        return self.root.shape[1] + intervals * self.rows.steps + 1
+
+    def respond(self, noise: Array, intervals: int) -> tuple[Array, Array]:
+        """Outputs caused by realisations of the turbulence at the model's intensity.
+
+        Parameters
+        ----------
+        noise : (n, noise_count) float
+            Standard normal numbers.
+        intervals : int
+            Length of the episode.
+
+        Returns
+        -------
+        first : (n, 9) float
+            Outputs at sample 0: the turbine's eight in multi-blade coordinates, and the wind.
+        rows : (n, intervals, rows.count) float
+            Rows of every interval.
+        """
+        n, start = noise.shape[0], self.root.shape[1]
+        span = self.intervals_per_block * self.rows.steps
+        blocks = -(-intervals // self.intervals_per_block)
+        state = noise[:, :start] @ self.root.T
+        white = np.zeros((n, blocks * span + 1))
+        white[:, : noise.shape[1] - start] = noise[:, start:]
+        # Copied, because products of overlapping views do not reach the fast matrix product.
+        windows = np.lib.stride_tricks.sliding_window_view(white, span + 1, axis=1)[:, ::span].copy()
+        pushes = (windows @ self.block.drive).view(complex)
+        states = np.empty((n, blocks, 2 * self.modal.order))
+        modes = np.ascontiguousarray(state).view(complex)
+        first = (modes @ self.modal.read.T).real + white[:, :1] @ self.modal.D.T
+        for index in range(blocks):
+            states[:, index] = modes.view(float)
+            modes = self.block.decay * modes + pushes[:, index]
+        rows = states @ self.block.read + windows @ self.block.feed
+        return first, rows.reshape(n, blocks * self.intervals_per_block, self.rows.count)[:, :intervals]
+
+
+def disturbance_modes(model: TurbineModel, length_scale: float) -> tuple[Modal, Array]:
+    """Modal form of the disturbance system and the factor of its stationary covariance."""
+    modal = modal_form(disturbance_system(model, length_scale))
+    return modal, stationary_root(modal)

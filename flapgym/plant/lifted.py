@@ -1,0 +1,77 @@
+"""Many steps in one: the response over an interval of k steps as three matrix products (lifting).
+
+With z the modes at the interval's start and u^0..u^k its inputs,
+z^k = values^k z + drive u and (y^1, ..., y^k) = read z + feed u. Exact; it turns k small steps of one
+turbine, or of a thousand, into products that run at the machine's speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flapgym.plant.modal import ComplexArray, Modal
+from flapgym.state_space import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Lifted:
+    """One interval of k steps of a modal system; matrices act from the right on rows, one row a turbine.
+
+    Attributes
+    ----------
+    decay : (m,) complex
+        What an interval leaves of each mode.
+    drive : ((k + 1) nu, 2 m) float
+        Inputs at samples 0..k to the modes at the end, real and imaginary parts alternating.
+    read : (2 m, rows) float
+        Modes at the start to the output rows.
+    feed : ((k + 1) nu, rows) float
+        Inputs at samples 0..k to the output rows.
+    """
+
+    decay: ComplexArray
+    drive: Array
+    read: Array
+    feed: Array
+
+
+def lift(modal: Modal, steps: int, rows: Array, inputs: Array | None = None) -> Lifted:
+    """Lift a modal system over `steps` steps.
+
+    Parameters
+    ----------
+    modal : Modal
+    steps : int
+        Steps k of an interval.
+    rows : (r, k ny) float
+        Output rows wanted, as combinations of (y^1, ..., y^k).
+    inputs : ((k + 1) nu, q) float, optional
+        Native inputs (u^0, ..., u^k) from the ones that will be given; identity by default.
+    """
+    nu, ny, m = len(modal.inputs), len(modal.outputs), modal.order
+    powers = modal.values[None, :] ** np.arange(steps + 1)[:, None]
+    # Markov parameters h^0 = D, h^i = C A^(i-1) B, and the response of y^j to u^l is h^(j-l).
+    markov = np.concatenate(
+        [modal.D[None], np.einsum("ym,im,mu->iyu", modal.read, powers[:-1], modal.drive).real]
+    )
+    lag = np.arange(1, steps + 1)[:, None] - np.arange(steps + 1)
+    toeplitz = np.where((lag >= 0)[:, :, None, None], markov[np.maximum(lag, 0)], 0.0)
+    toeplitz = toeplitz.transpose(0, 2, 1, 3).reshape(steps * ny, (steps + 1) * nu)
+    observe = (powers[1:, None, :] * modal.read).reshape(steps * ny, m)
+    # The last input acts on the interval's last output, not yet on its modes.
+    drive = np.zeros((steps + 1, nu, m), dtype=complex)
+    drive[:steps] = powers[steps - 1 :: -1, None, :] * modal.drive.T
+    push = drive.reshape((steps + 1) * nu, m)
+    if inputs is not None:
+        push, toeplitz = inputs.T @ push, toeplitz @ inputs
+    combined = rows @ observe
+    return Lifted(
+        decay=powers[steps].copy(),
+        drive=np.ascontiguousarray(np.stack([push.real, push.imag], axis=-1).reshape(push.shape[0], 2 * m)),
+        read=np.ascontiguousarray(
+            np.stack([combined.real, -combined.imag], axis=-1).reshape(rows.shape[0], 2 * m).T
+        ),
+        feed=np.ascontiguousarray((rows @ toeplitz).T),
+    )

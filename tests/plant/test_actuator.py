@@ -1,0 +1,69 @@
+"""The actuator is a double integrator between hard stops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flapgym.plant import Actuator
+
+ANGLE, RATE, DT = np.deg2rad(10.0), np.deg2rad(100.0), 0.007
+
+
+def test_a_held_acceleration_gives_the_parabola_of_kinematics():
+    command = np.array([[0.01, -0.02, 0.0], [0.1, 0.0, -0.2], [1.0, -2.0, 3.0]])
+    motion, stopped = Actuator(ANGLE, RATE, DT, steps=10).move(command[None])
+    time = DT * np.arange(11)[:, None]
+    assert stopped is None
+    np.testing.assert_allclose(
+        motion[0, :11], command[0] + command[1] * time + command[2] * time**2 / 2, atol=1e-15
+    )
+    np.testing.assert_allclose(motion[0, 11:], command[1] + command[2] * time, atol=1e-15)
+
+
+def test_full_acceleration_reaches_the_angle_stop_and_rests_there():
+    acceleration = np.deg2rad(600.0)
+    actuator = Actuator(ANGLE, RATE, DT, steps=100)
+    motion, stopped = actuator.move(np.array([[[0.0], [0.0], [acceleration]]]))
+    assert stopped is not None
+    assert stopped.all()
+    # Rest to rate limit in 1/6 s over 8.33 degrees, then 1.67 degrees at 100 deg/s: 26.2 steps in all.
+    arrival = int(np.argmax(motion[0, :101, 0] >= ANGLE))
+    assert arrival == 27
+    assert motion[0, 101:, 0].max() == RATE
+    assert (motion[0, arrival:101, 0] == ANGLE).all()
+    assert (motion[0, 101 + arrival :, 0] == 0.0).all()
+
+
+def test_a_flap_leaves_the_stop_as_soon_as_it_is_pulled():
+    motion, _ = Actuator(ANGLE, RATE, DT, steps=2).move(np.array([[[ANGLE], [0.0], [-5.0]]]))
+    np.testing.assert_allclose(motion[0, :3, 0], ANGLE - 2.5 * (DT * np.arange(3)) ** 2)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.floats(-ANGLE, ANGLE), st.floats(-RATE, RATE), st.floats(-100.0, 100.0)),
+        min_size=1,
+        max_size=8,
+    ),
+    st.integers(1, 20),
+)
+def test_no_motion_passes_a_stop_and_few_and_many_flaps_move_alike(starts, steps):
+    actuator = Actuator(ANGLE, RATE, DT, steps)
+    few = np.array(starts)[:, :, None]
+    motion, _ = actuator.move(few)
+    assert np.abs(motion[:, : steps + 1]).max() <= ANGLE
+    assert np.abs(motion[:, steps + 1 :]).max() <= RATE
+    # Enough copies that the flaps at a stop are stepped together instead of one by one.
+    many, _ = actuator.move(np.repeat(few, 20, axis=0))
+    np.testing.assert_array_equal(many[::20], motion)
+
+
+@pytest.mark.parametrize("field, value", [("angle_limit", 0.0), ("rate_limit", np.nan), ("time_step", -1.0)])
+def test_impossible_stops_are_refused_by_name(field, value):
+    numbers = {"angle_limit": ANGLE, "rate_limit": RATE, "time_step": DT} | {field: value}
+    with pytest.raises(ValueError, match=f"actuator.{field}"):
+        Actuator(**numbers, steps=5)

@@ -5,4 +5,8 @@ comparison of their loads, after Ng, Hesse, Palacios, Graham and Kerrigan, "Mode
 and Load Alleviation of Large Wind Turbines".
 """
 
+from flapgym.envs import register_environments
+
 __version__ = "0.1.0"
+
+register_environments()

@@ -1,0 +1,26 @@
+"""Gymnasium environments over the fast plant: one turbine (`FlapEnv`) or many (`FlapVectorEnv`)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from flapgym.envs.registration import register_environments
+
+if TYPE_CHECKING:
+    from flapgym.envs.single import FlapEnv
+    from flapgym.envs.vector import FlapVectorEnv
+
+__all__ = ["FlapEnv", "FlapVectorEnv", "register_environments"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load the classes when they are asked for, so that `import flapgym` stays light."""
+    if name == "FlapEnv":
+        from flapgym.envs.single import FlapEnv
+
+        return FlapEnv
+    if name == "FlapVectorEnv":
+        from flapgym.envs.vector import FlapVectorEnv
+
+        return FlapVectorEnv
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

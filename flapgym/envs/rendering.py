@@ -1,0 +1,202 @@
+"""The picture of a running turbine: the rotor seen from upwind with its flaps, and rolling traces beside it.
+
+Drawn with pygame, loaded only when an environment is made with a render mode.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.error import DependencyNotInstalled
+from numpy.typing import NDArray
+
+from flapgym.aeroelastic.model import TurbineModel
+
+WIDTH, HEIGHT = 640, 480
+SPAN = 20.0
+"""Length of the traces [s]."""
+
+Colour = tuple[int, int, int]
+Point = tuple[float, float]
+
+PAPER: Colour = (250, 250, 248)
+INK: Colour = (45, 45, 50)
+GREY: Colour = (205, 205, 205)
+BLADE: Colour = (150, 155, 160)
+BLADE_COLOURS: tuple[Colour, ...] = ((0, 114, 178), (213, 94, 0), (0, 140, 100))
+WIND: Colour = (90, 90, 95)
+
+HUB: Point = (150.0, 175.0)
+REACH = 125.0
+"""Rotor radius on the screen [pixels]."""
+FLAP_SPAN = (0.76, 0.92)
+"""The flap's ends over the rotor radius: 0.7 to 0.9 of the lifting span, which begins at r = 11.75 m of 63 m."""
+
+
+class Screen:
+    """Keeps the last seconds of an episode and draws them.
+
+    Parameters
+    ----------
+    model : TurbineModel
+    mode : str
+        "rgb_array" or "human".
+    period : float
+        Time between frames [s].
+    """
+
+    def __init__(self, model: TurbineModel, mode: str, period: float) -> None:
+        try:
+            import pygame
+        except ImportError as error:
+            raise DependencyNotInstalled('rendering needs pygame: pip install "flapgym[render]"') from error
+        self._pygame: Any = pygame
+        self._model, self._mode, self._period = model, mode, period
+        self._history: deque[dict[str, Any]] = deque(maxlen=int(SPAN / period) + 1)
+        self._elapsed = 0
+        pygame.font.init()
+        self._fonts = {size: pygame.font.Font(None, size) for size in (16, 20)}
+        self._canvas = pygame.Surface((WIDTH, HEIGHT))
+        self._window: Any = None
+        self._clock: Any = None
+
+    def clear(self) -> None:
+        """Forget the traces: a new episode begins."""
+        self._history.clear()
+        self._elapsed = -1
+
+    def record(self, info: dict[str, Any]) -> None:
+        """Add one instant, an environment's `info`."""
+        self._elapsed += 1
+        self._history.append(info)
+
+    def picture(self) -> NDArray[np.uint8]:
+        """The frame as (height, width, 3)."""
+        self._draw()
+        return np.ascontiguousarray(self._pygame.surfarray.array3d(self._canvas).transpose(1, 0, 2))
+
+    def display(self) -> None:
+        """Show the frame in a window, no faster than real time."""
+        pygame = self._pygame
+        if self._window is None:
+            pygame.display.init()
+            pygame.display.set_caption("flapgym")
+            self._window = pygame.display.set_mode((WIDTH, HEIGHT))
+            self._clock = pygame.time.Clock()
+        self._draw()
+        self._window.blit(self._canvas, (0, 0))
+        pygame.event.pump()
+        pygame.display.flip()
+        self._clock.tick(1.0 / self._period)
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            self._pygame.display.quit()
+            self._window = None
+
+    def _draw(self) -> None:
+        self._canvas.fill(PAPER)
+        if not self._history:
+            return
+        now = self._history[-1]
+        limit = np.rad2deg(self._model.flap_angle_limit)
+        self._rotor(now)
+        self._text("rotor from upwind", (20, 14), 16, WIND)
+        self._text(f"t {self._elapsed * self._period:6.2f} s", (20, 430), 20)
+        self._text(f"azimuth {np.rad2deg(now['azimuth']):5.0f} deg", (120, 430), 20)
+        self._text(f"wind {self._model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
+        for blade, colour in enumerate(BLADE_COLOURS):
+            angle = np.rad2deg(now["flap_angle"][blade])
+            self._text(f"flap {blade + 1}  {angle:+5.1f} deg", (20 + 92 * blade, 405), 16, colour)
+        rbm = np.array([entry["rbm"] for entry in self._history]) * 1e-6
+        flap = np.rad2deg([entry["flap_angle"] for entry in self._history])
+        wind = np.array([[entry["wind_perturbation"]] for entry in self._history])
+        reach = max(3.0 * self._model.rbm_rms * 1e-6, float(np.abs(rbm).max()))
+        self._trace((345, 30), "root bending moment [MN m]", rbm, reach, BLADE_COLOURS)
+        self._trace((345, 180), "flap angle [deg]", flap, 1.15 * float(limit), BLADE_COLOURS)
+        self._trace((345, 330), "wind perturbation [m/s]", wind, max(4.0, float(np.abs(wind).max())), (WIND,))
+        self._text(f"last {SPAN:.0f} s", (560, 452), 16, WIND)
+
+    def _rotor(self, now: dict[str, Any]) -> None:
+        """Tower, blades and flaps; seen from upwind the rotor turns clockwise."""
+        draw = self._pygame.draw
+        draw.polygon(
+            self._canvas,
+            GREY,
+            [(HUB[0] - 3, HUB[1]), (HUB[0] + 3, HUB[1]), (HUB[0] + 6, 362), (HUB[0] - 6, 362)],
+        )
+        draw.circle(self._canvas, GREY, HUB, REACH, 1)
+        for blade, colour in enumerate(BLADE_COLOURS):
+            azimuth = now["azimuth"] + 2.0 * np.pi * blade / 3.0
+            outline = [(0.02, 3.0), (0.2, 5.0), (1.0, 1.5), (1.0, -2.5), (0.2, -13.0), (0.02, -3.0)]
+            draw.polygon(self._canvas, BLADE, [_place(azimuth, *corner) for corner in outline])
+            inner, outer = FLAP_SPAN
+            flap = [(inner, -1.0), (outer, -1.0), (outer, -9.0), (inner, -11.0)]
+            corners = [_place(azimuth, *corner) for corner in flap]
+            draw.polygon(
+                self._canvas, _flap_colour(now["flap_angle"][blade] / self._model.flap_angle_limit), corners
+            )
+            draw.polygon(self._canvas, INK, corners, 1)
+            label = _place(azimuth, 1.09, 0.0)
+            self._text(str(blade + 1), (label[0] - 4, label[1] - 7), 20, colour)
+        draw.circle(self._canvas, INK, HUB, 6)
+        self._legend()
+
+    def _legend(self) -> None:
+        limit = np.rad2deg(self._model.flap_angle_limit)
+        for step in range(101):
+            colour = _flap_colour(step / 50.0 - 1.0)
+            self._pygame.draw.line(self._canvas, colour, (100 + step, 376), (100 + step, 386))
+        self._text(f"flap {-limit:.0f}", (50, 375), 16)
+        self._text(f"{limit:+.0f} deg (lift up)", (208, 375), 16)
+
+    def _trace(
+        self,
+        corner: tuple[int, int],
+        title: str,
+        values: NDArray[np.float64],
+        reach: float,
+        colours: Sequence[Colour],
+    ) -> None:
+        """One panel with a line per column of values (t, lines), from -reach to reach."""
+        draw = self._pygame.draw
+        left, top, width, height = *corner, 280, 110
+        self._text(title, (left, top - 16), 16)
+        draw.rect(self._canvas, (255, 255, 255), (left, top, width, height))
+        step = _round_step(reach)
+        for level in np.arange(-np.floor(reach / step), np.floor(reach / step) + 1) * step:
+            y = top + height * (0.5 - 0.5 * level / reach)
+            draw.line(self._canvas, GREY, (left, y), (left + width, y))
+            self._text(f"{level:g}", (left - 26, y - 5), 16, WIND)
+        if len(values) > 1:
+            x = left + width * np.arange(len(values)) / (SPAN / self._period)
+            y = top + height * (0.5 - 0.5 * np.clip(values / reach, -1.0, 1.0))
+            for line, colour in enumerate(colours):
+                draw.aalines(self._canvas, colour, False, np.stack([x, y[:, line]], axis=1))
+        draw.rect(self._canvas, INK, (left, top, width, height), 1)
+
+    def _text(self, text: str, place: Point, size: int, colour: Colour = INK) -> None:
+        self._canvas.blit(self._fonts[size].render(text, True, colour), place)
+
+
+def _place(azimuth: float, radius: float, forward: float) -> Point:
+    """Screen point at a fraction of the rotor radius, `forward` pixels toward the leading edge."""
+    s, c = float(np.sin(azimuth)), float(np.cos(azimuth))
+    return HUB[0] + REACH * radius * s + forward * c, HUB[1] - REACH * radius * c + forward * s
+
+
+def _flap_colour(fraction: float) -> Colour:
+    """Blue (-1, lift down) over white to red (+1, lift up)."""
+    strength = min(abs(float(fraction)), 1.0)
+    end = (200, 40, 40) if fraction > 0.0 else (40, 80, 200)
+    return tuple(round(255 + strength * (part - 255)) for part in end)  # type: ignore[return-value]
+
+
+def _round_step(reach: float) -> float:
+    """A step of 1, 2 or 5 times a power of ten with two to four lines on each side of zero."""
+    power = 10.0 ** np.floor(np.log10(reach))
+    return float(next(power * factor for factor in (0.2, 0.5, 1.0, 2.0) if reach / (power * factor) < 4.0))

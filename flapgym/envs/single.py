@@ -1,0 +1,188 @@
+"""The environment of one turbine; its class docstring is the manual page of both environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike, NDArray
+
+from flapgym.envs.fleet import Fleet, Info
+from flapgym.envs.rendering import Screen
+from flapgym.envs.settings import Settings
+
+
+class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """Load alleviation on the NREL 5 MW turbine with one trailing-edge flap a blade.
+
+    ## Description
+
+    The turbine runs at rated wind (11 m/s, 11.67 rpm) in homogeneous longitudinal turbulence. Each of its three blades
+    carries a flap over 20 % of its lifting span and 10 % of its chord. The agent moves the flaps to reduce the
+    flapwise root bending moments (RBM), whose cycles wear the blades out. The plant is the coupled linear model of
+    tower, rotating blades and vortex-lattice aerodynamics of Ng et al., exact within the model; all loads and
+    deflections are perturbations about the steady equilibrium, positive downwind.
+
+    ## Action Space
+
+    `Box(-1, 1, (3,), float32)`: acceleration of the flaps of blades 1 to 3 as a fraction of the model's
+    `acceleration_limit` (600 deg/s^2), held for `steps_per_action` plant steps of 0.007 s. Values beyond the bounds are
+    clipped; NaN, infinity and a wrong shape raise `ValueError` and leave the state as it was. A positive flap angle
+    (trailing edge to the upwind, pressure side) raises lift and RBM. The actuator is a double integrator with hard
+    stops at 10 deg and 100 deg/s; a stop zeroes the rate that points into it.
+
+    ## Observation Space
+
+    `Box` of float32, in the order of the keyword `observe`; values beyond the bounds are clipped.
+
+    | name | entries | unit | bound | meaning |
+    |---|---|---|---|---|
+    | `rbm` | 3 | MN m | 50 | flapwise root bending moment of blades 1 to 3 |
+    | `flap_angle` | 3 | rad | angle stop, 0.1745 | flap angle of blades 1 to 3 |
+    | `flap_rate` | 3 | rad/s | rate stop, 1.745 | flap rate of blades 1 to 3 |
+    | `tip_deflection` | 3 | m | 50 | tip deflection of blades 1 to 3, downwind |
+    | `azimuth` | 2 | - | 1 | cosine and sine of the azimuth of blade 1 |
+    | `tower_top` | 2 | m | 10 | tower-top displacement downwind and sideways |
+    | `wind` | 1 | m/s | 50 | wind perturbation along the shaft |
+
+    The default, `("rbm",)`, is what the paper measures. RBM alone says too little for a policy without memory: training
+    works with `("rbm", "flap_angle", "flap_rate")`.
+
+    ## Rewards
+
+    `reward_rbm + reward_flap_angle + reward_tower`, each also in `info`, over all plant samples of the interval:
+
+    - `reward_rbm` = - mean square of RBM over samples and blades / `rbm_rms`^2. The constant is the model's open-loop
+      rms at 10 % turbulence: doing nothing earns about -1 a step on average.
+    - `reward_flap_angle` = - `flap_angle_weight` * mean square of (flap angle / angle stop).
+    - `reward_tower` = - `tower_weight` * mean square of the tower top's fore-aft displacement [m].
+
+    ## Starting State
+
+    Stationary turbulence and the turbine's stationary response to it, drawn from their joint distribution (no run-in);
+    azimuth uniform; flaps at rest in the middle. `reset` takes these `options`:
+
+    | option | value | meaning |
+    |---|---|---|
+    | `realisation_seed` | whole number | seed of the turbulence: the same wind, whatever else the environment draws |
+    | `azimuth` | rad | of blade 1 |
+    | `flap_angle` | rad, number or 3 | within the stop |
+    | `flap_rate` | rad/s, number or 3 | within the stop |
+
+    ## Episode End
+
+    `truncated` after `duration`, rounded up to whole actions; `terminated` only if the state ceases to be finite.
+
+    ## Information
+
+    `reset` and `step` return a fresh dict in SI units, at the last sample of the interval: `rbm` (3,) [N m],
+    `tip_deflection` (3,) [m], `flap_angle` (3,) [rad], `flap_rate` (3,) [rad/s], `tower_top` (2,) [m] downwind and
+    sideways, `wind_perturbation` [m/s], `azimuth` [rad]; `flap_travel` (3,) [rad], the way gone since the reset, and
+    `flap_stopped` (3,), whether the flap met a stop in the interval. `step` adds `rbm_mean_square` (3,) [N^2 m^2] over
+    the interval, the reward's terms and, with `record_samples`, `samples`: a dict of arrays over every plant sample
+    (`rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3), `tower_fore_aft`, `tower_side_side`, `wind` (k,)).
+
+    ## Arguments
+
+    | keyword | default | meaning |
+    |---|---|---|
+    | `model` | `"nrel5mw-rated"` | name of a shipped model, or a model file of `flapgym build` |
+    | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
+    | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air |
+    | `length_scale` | 147.0 | of the von Karman spectrum [m] |
+    | `duration` | 20.0 | of an episode [s] |
+    | `measurement_noise` | 0.0 | rms of white noise on the observed RBM [N m]; the reward sees none |
+    | `steps_per_action` | 5 | plant steps for which an action is held; 1 is the paper's, 5 to 10 train well |
+    | `observe` | `("rbm",)` | what is observed, see above |
+    | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward |
+    | `record_samples` | `False` | put every plant sample into `info` |
+    | `render_mode` | `None` | `"rgb_array"` or `"human"` |
+
+    ## Version History
+
+    - v0: first version.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 (Gymnasium's form)
+
+    def __init__(self, render_mode: str | None = None, **keywords: Any) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {render_mode!r}')
+        self.render_mode = render_mode
+        self._fleet = Fleet(Settings.of(keywords), 1)
+        self.observation_space = self._fleet.observation_space
+        self.action_space = self._fleet.action_space
+        self._running = False
+        self._screen = (
+            None if render_mode is None else Screen(self._fleet.model, render_mode, self._frame_period())
+        )
+
+    @property
+    def model(self) -> Any:
+        """The turbine model behind the environment."""
+        return self._fleet.model
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Info]:
+        """Begin an episode; see Starting State for the options."""
+        super().reset(seed=seed)
+        observation, info = self._fleet.begin(np.zeros(1, dtype=np.int64), [self.np_random], options)
+        self._running = True
+        info = _single(info)
+        if self._screen is not None:
+            self._screen.clear()
+            self._show(info)
+        return observation[0], info
+
+    def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
+        """Hold the flap accelerations (3,) for `steps_per_action` plant steps."""
+        if not self._running:
+            raise ResetNeeded("step: no episode is running; call reset first")
+        try:
+            batch = np.asarray(action)[None]
+        except ValueError:
+            raise ValueError(f"action: expected 3 numbers, got {action!r}") from None
+        observation, reward, terminated, truncated, info = self._fleet.step(batch)
+        info = _single(info)
+        end = bool(terminated[0]), bool(truncated[0])
+        self._running = not any(end)
+        if self._screen is not None:
+            self._show(info)
+        return observation[0], float(reward[0]), *end, info
+
+    def render(self) -> Any:
+        """The picture as (height, width, 3) uint8 in mode `rgb_array`; `human` draws by itself."""
+        if self._screen is None:
+            gymnasium.logger.warn(
+                'render: the environment was made without render_mode="rgb_array" or "human"'
+            )
+            return None
+        return self._screen.picture() if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._screen is not None:
+            self._screen.close()
+
+    def _frame_period(self) -> float:
+        return self._fleet.plant.steps_per_action * self._fleet.model.time_step
+
+    def _show(self, info: Info) -> None:
+        assert self._screen is not None
+        self._screen.record(info)
+        if self.render_mode == "human":
+            self._screen.display()
+
+
+def _single(info: Info) -> Info:
+    """The only turbine's row of every array; numbers as plain floats."""
+    row: Info = {}
+    for name, value in info.items():
+        if isinstance(value, dict):
+            row[name] = _single(value)
+        else:
+            row[name] = value[0] if value.ndim > 1 else float(value[0])
+    return row

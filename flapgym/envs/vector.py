@@ -1,0 +1,236 @@
+"""The native vector environment: n turbines in one set of arrays, with every autoreset mode of Gymnasium."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from flapgym.envs.fleet import Fleet, Info
+from flapgym.envs.settings import Settings
+from flapgym.state_space import Array
+
+Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
+
+
+class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
+    """Many turbines at once; task and keywords are those of `FlapEnv`, whose trajectories it gives for the same seeds.
+
+    `gymnasium.make_vec("flapgym/NREL5MW-v0", num_envs=1024)` makes it. Environment i has its own generator:
+    `reset(seed=s)` seeds it with s + i, a list gives one seed each. Reset options may be single values or have a
+    leading axis of environments. `info` holds one array a name, with the mask `_name` of Gymnasium beside it.
+
+    Parameters
+    ----------
+    num_envs : int
+        Number of turbines.
+    autoreset_mode : AutoresetMode or str
+        `NEXT_STEP` (default): the step after an episode's end ignores the action and returns the first observation of
+        the next. `SAME_STEP`: the ending step returns it, and `info["final_obs"]` and `info["final_info"]` keep the
+        last. `DISABLED`: call `reset(options={"reset_mask": mask})`.
+    render_mode : None
+        Not supported; render a `FlapEnv`.
+    **keywords
+        Those of `FlapEnv`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: None = None,
+        **keywords: Any,
+    ) -> None:
+        if num_envs < 1:
+            raise ValueError(f"num_envs: expected at least one, got {num_envs}")
+        if render_mode is not None:
+            raise ValueError(
+                f"render_mode: a vector environment draws nothing, got {render_mode!r}; render FlapEnv"
+            )
+        self.num_envs = num_envs
+        self.render_mode = None
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.settings = Settings.of(keywords)
+        self._fleet = Fleet(self.settings, num_envs)
+        self.single_observation_space = self._fleet.observation_space
+        self.single_action_space = self._fleet.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._generators: list[np.random.Generator] | None = None
+        self._seeds: list[int] = []
+        self._ended = np.ones(num_envs, dtype=bool)
+        self._started = np.zeros(num_envs, dtype=bool)
+        self._observation = np.zeros(self.observation_space.shape or (), dtype=np.float32)
+
+    @property
+    def model(self) -> Any:
+        """The turbine model behind the environments."""
+        return self._fleet.model
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """One generator per environment."""
+        return tuple(self._seeded(None))
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seed of each."""
+        self._seeded(None)
+        return tuple(self._seeds)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], Info]:
+        """Begin an episode in every environment, or in those of `options["reset_mask"]`."""
+        options = dict(options or {})
+        mask = self._checked_mask(options.pop("reset_mask", None))
+        generators = self._seeded(seed)
+        turbines = np.flatnonzero(mask)
+        observation, info = self._fleet.begin(turbines, [generators[index] for index in turbines], options)
+        self._observation[turbines] = observation
+        self._ended[turbines], self._started[turbines] = False, True
+        return self._observation.copy(), _masked(_scattered(info, turbines, self.num_envs), mask)
+
+    def step(self, actions: ArrayLike) -> Step:
+        """Advance every environment by one action (num_envs, 3)."""
+        if not self._started.all():
+            raise ResetNeeded("step: call reset first")
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP:
+            return self._step_then_reset_next(actions)
+        if self._ended.any():
+            raise ResetNeeded('step: an episode has ended; call reset with options={"reset_mask": mask}')
+        step = self._fleet.step(actions)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            return self._reset_ended(*step)
+        observation, reward, terminated, truncated, info = step
+        self._ended = terminated | truncated
+        self._observation = observation.copy()
+        return observation, reward, terminated, truncated, _masked(info, np.ones(self.num_envs, dtype=bool))
+
+    def _step_then_reset_next(self, actions: ArrayLike) -> Step:
+        restart = np.flatnonzero(self._ended)
+        observation, reward, terminated, truncated, info = self._fleet.step(
+            actions, restart if restart.size else None
+        )
+        stepped = ~self._ended
+        if restart.size:
+            first, first_info = self._begin(restart)
+            observation[restart], reward[restart] = first, 0.0
+            terminated[restart] = truncated[restart] = False
+            _overwrite(info, first_info, restart)
+        everywhere = np.ones(self.num_envs, dtype=bool)
+        masks = {name: everywhere if name in STATE_INFO else stepped for name in info}
+        self._ended = terminated | truncated
+        return observation, reward, terminated, truncated, _masked(info, masks)
+
+    def _reset_ended(
+        self,
+        observation: NDArray[np.float32],
+        reward: Array,
+        terminated: NDArray[np.bool_],
+        truncated: NDArray[np.bool_],
+        info: Info,
+    ) -> Step:
+        everywhere = np.ones(self.num_envs, dtype=bool)
+        ended = terminated | truncated
+        restart = np.flatnonzero(ended)
+        masks: dict[str, NDArray[np.bool_]] = dict.fromkeys(info, everywhere)
+        if restart.size:
+            last = np.full(self.num_envs, None, dtype=object)
+            for index in restart:
+                last[index] = observation[index].copy()
+            final_info = _masked({name: _copied(value) for name, value in info.items()}, ended)
+            first, first_info = self._begin(restart)
+            observation[restart] = first
+            _overwrite(info, first_info, restart)
+            info |= {"final_obs": last, "final_info": final_info}
+            masks = {name: ended if name.startswith("final_") else everywhere for name in info}
+        return observation, reward, terminated, truncated, _masked(info, masks)
+
+    def _begin(self, turbines: NDArray[np.int64]) -> tuple[NDArray[np.float32], Info]:
+        generators = self._seeded(None)
+        return self._fleet.begin(turbines, [generators[index] for index in turbines])
+
+    def _seeded(self, seed: int | Sequence[int | None] | None) -> list[np.random.Generator]:
+        """The generators, made anew where a seed is given and on first use."""
+        seeds = (
+            [seed + index for index in range(self.num_envs)] if isinstance(seed, (int, np.integer)) else seed
+        )
+        if seeds is not None and len(seeds) != self.num_envs:
+            raise ValueError(f"seed: expected one number or {self.num_envs} of them, got {len(seeds)}")
+        if self._generators is None or seeds is not None:
+            before = self._generators
+            pairs = [
+                (before[index], self._seeds[index])
+                if before is not None and (seeds is None or seeds[index] is None)
+                else seeding.np_random(None if seeds is None else seeds[index])
+                for index in range(self.num_envs)
+            ]
+            self._generators = [pair[0] for pair in pairs]
+            self._seeds = [pair[1] for pair in pairs]
+        return self._generators
+
+    def _checked_mask(self, mask: Any) -> NDArray[np.bool_]:
+        if mask is None:
+            return np.ones(self.num_envs, dtype=bool)
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise ValueError(
+                f'options["reset_mask"]: expected {self.num_envs} booleans of which one at least is true, got {mask}'
+            )
+        return mask
+
+
+STATE_INFO = frozenset(
+    (
+        "rbm",
+        "tip_deflection",
+        "flap_angle",
+        "flap_rate",
+        "tower_top",
+        "wind_perturbation",
+        "azimuth",
+        "flap_travel",
+        "flap_stopped",
+    )
+)
+"""Entries of `info` that a reset gives as well as a step."""
+
+
+def _copied(value: Any) -> Any:
+    return (
+        {name: _copied(entry) for name, entry in value.items()} if isinstance(value, dict) else value.copy()
+    )
+
+
+def _overwrite(info: Info, first: Info, turbines: NDArray[np.int64]) -> None:
+    """Replace the rows of environments that began anew by those of their first sample."""
+    for name, value in first.items():
+        info[name][turbines] = value
+
+
+def _scattered(info: Info, turbines: NDArray[np.int64], count: int) -> Info:
+    """Rows of some environments spread over all; the others are zero and masked."""
+    if len(turbines) == count:
+        return info
+    spread = {name: np.zeros((count, *value.shape[1:]), dtype=value.dtype) for name, value in info.items()}
+    for name, value in info.items():
+        spread[name][turbines] = value
+    return spread
+
+
+def _masked(info: Info, masks: NDArray[np.bool_] | dict[str, NDArray[np.bool_]]) -> Info:
+    """Add Gymnasium's mask `_name` beside every entry, also inside of nested ones."""
+    result: Info = {}
+    for name, value in info.items():
+        mask = masks[name] if isinstance(masks, dict) else masks
+        result[name] = _masked(value, mask) if isinstance(value, dict) and name != "final_info" else value
+        result[f"_{name}"] = mask.copy()
+    return result

@@ -1,0 +1,260 @@
+"""Gymnasium's and Stable-Baselines3's own checks, and the conventions users rely on. Warnings are errors throughout."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import flapgym
+from flapgym.envs.observation import QUANTITIES
+
+ID = "flapgym/NREL5MW-v0"
+EVERYTHING = tuple(QUANTITIES)
+
+
+def _make(model_file, **keywords):
+    return gymnasium.make(ID, model=model_file, **keywords)
+
+
+@pytest.mark.parametrize("observe", [("rbm",), EVERYTHING])
+@pytest.mark.parametrize("steps_per_action", [1, 5])
+def test_gymnasium_checker_passes(model_file, observe, steps_per_action):
+    env = _make(model_file, observe=observe, steps_per_action=steps_per_action, record_samples=True)
+    check_env(env.unwrapped)
+    env.close()
+
+
+def test_stable_baselines_checker_passes(model_file):
+    from stable_baselines3.common.env_checker import check_env as check_for_sb3
+
+    check_for_sb3(_make(model_file, observe=EVERYTHING, measurement_noise=1e4).unwrapped)
+
+
+def test_the_shipped_model_is_the_default():
+    env = gymnasium.make(ID)
+    observation, info = env.reset(seed=0)
+    assert observation.shape == (3,)
+    assert observation.dtype == np.float32
+    np.testing.assert_allclose(observation, 1e-6 * info["rbm"], rtol=1e-6)
+    assert env.unwrapped.model.wind_speed == 11.0
+
+
+def test_a_module_prefix_registers_the_environment():
+    code = 'import gymnasium; print(gymnasium.make("flapgym:flapgym/NREL5MW-v0").spec.id)'
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == ID
+
+
+def test_the_spec_survives_pickle_and_json(model_file):
+    env = _make(model_file, observe=("rbm", "flap_angle"), duration=1.0)
+    first = env.reset(seed=3)[0]
+    for spec in (pickle.loads(pickle.dumps(env.spec)), EnvSpec.from_json(env.spec.to_json())):
+        np.testing.assert_array_equal(gymnasium.make(spec).reset(seed=3)[0], first)
+
+
+def test_an_episode_lasts_its_duration_and_is_truncated(model_file):
+    env = _make(model_file, duration=1.0, steps_per_action=10)
+    env.reset(seed=0)
+    ends = []
+    while not any(ends[-1:]):
+        _, _, terminated, truncated, _ = env.step(np.zeros(3, dtype=np.float32))
+        assert not terminated
+        ends.append(truncated)
+    assert len(ends) == 15  # 0.07 s each
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.unwrapped.step(np.zeros(3))
+
+
+def test_the_reward_is_minus_the_mean_square_of_every_sample_plus_the_named_terms(model_file):
+    env = _make(
+        model_file,
+        record_samples=True,
+        flap_angle_weight=0.3,
+        tower_weight=2.0,
+        steps_per_action=7,
+        duration=2.0,
+    ).unwrapped
+    env.reset(seed=5)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        _, reward, _, _, info = env.step(rng.uniform(-1, 1, 3))
+        samples = info["samples"]
+        assert samples["rbm"].shape == (7, 3)
+        rbm = -np.mean(samples["rbm"] ** 2) / env.model.rbm_rms**2
+        flap = -0.3 * np.mean((samples["flap_angle"] / env.model.flap_angle_limit) ** 2)
+        tower = -2.0 * np.mean(samples["tower_fore_aft"] ** 2)
+        assert info["reward_rbm"] == pytest.approx(rbm)
+        assert info["reward_flap_angle"] == pytest.approx(flap)
+        assert info["reward_tower"] == pytest.approx(tower)
+        assert reward == pytest.approx(rbm + flap + tower)
+        for name in ("rbm", "tip_deflection", "flap_angle", "flap_rate"):
+            np.testing.assert_array_equal(samples[name][-1], info[name])
+
+
+def test_observations_come_in_the_documented_order_units_and_bounds(model_file):
+    env = _make(model_file, observe=EVERYTHING).unwrapped
+    env.reset(seed=1)
+    observation, _, _, _, info = env.step(np.array([0.5, -1.0, 0.2]))
+    expected = [
+        info["rbm"] * 1e-6,
+        info["flap_angle"],
+        info["flap_rate"],
+        info["tip_deflection"],
+        [np.cos(info["azimuth"]), np.sin(info["azimuth"])],
+        info["tower_top"],
+        [info["wind_perturbation"]],
+    ]
+    np.testing.assert_allclose(observation, np.concatenate(expected), rtol=1e-6, atol=1e-7)
+    assert env.observation_space.high[:6] == pytest.approx([50] * 3 + [np.deg2rad(10)] * 3)
+    for name, quantity in QUANTITIES.items():
+        assert f"| `{name}` | {quantity.size} | {quantity.unit} |" in (flapgym.envs.FlapEnv.__doc__ or "")
+
+
+def test_measurement_noise_touches_the_observation_only(model_file):
+    clean, noisy = (_make(model_file, measurement_noise=level).unwrapped for level in (0.0, 2e4))
+    seen = []
+    (start, _), (noisy_start, _) = (
+        env.reset(seed=2, options={"realisation_seed": 4, "azimuth": 0.0}) for env in (clean, noisy)
+    )
+    seen.append(noisy_start - start)
+    for _ in range(500):
+        plain, disturbed = clean.step(np.zeros(3)), noisy.step(np.zeros(3))
+        assert plain[1] == disturbed[1]
+        np.testing.assert_array_equal(plain[4]["rbm"], disturbed[4]["rbm"])
+        seen.append(disturbed[0] - plain[0])
+    assert np.std(seen) == pytest.approx(2e-2, rel=0.1)
+
+
+def test_still_air_leaves_the_turbine_at_rest(model_file):
+    env = _make(model_file, turbulence_intensity=0.0).unwrapped
+    observation, info = env.reset(seed=0)
+    for _ in range(10):
+        observation, reward, _, _, info = env.step(np.zeros(3))
+    assert not observation.any()
+    assert reward == 0.0
+    assert info["wind_perturbation"] == 0.0
+
+
+def test_reset_options_set_wind_azimuth_and_flaps(model_file):
+    env = _make(model_file).unwrapped
+    options = {"realisation_seed": 9, "azimuth": 1.25, "flap_angle": 0.05, "flap_rate": [0.1, 0.0, -0.1]}
+    _, first = env.reset(seed=1, options=options)
+    _, second = env.reset(seed=2, options=options)
+    assert first["wind_perturbation"] == second["wind_perturbation"]
+    assert first["azimuth"] == 1.25
+    np.testing.assert_array_equal(first["flap_angle"], np.full(3, 0.05))
+    np.testing.assert_array_equal(second["flap_rate"], [0.1, 0.0, -0.1])
+
+
+@pytest.mark.parametrize(
+    "options, name",
+    [
+        ({"azimut": 0.0}, "azimut"),
+        ({"azimuth": np.nan}, "azimuth"),
+        ({"azimuth": "north"}, "azimuth"),
+        ({"flap_angle": 0.3}, "flap_angle"),
+        ({"flap_rate": [0.0, 0.0]}, "flap_rate"),
+        ({"realisation_seed": -1}, "realisation_seed"),
+        ({"realisation_seed": 0.5}, "realisation_seed"),
+    ],
+)
+def test_impossible_reset_options_are_refused_by_name(model_file, options, name):
+    with pytest.raises(ValueError, match=name):
+        _make(model_file).unwrapped.reset(options=options)
+
+
+@pytest.mark.parametrize(
+    "keyword, value",
+    [
+        ("turbulence_intensity", 10.0),
+        ("turbulence_intensity", -0.1),
+        ("length_scale", 0.0),
+        ("duration", np.inf),
+        ("duration", "20 s"),
+        ("measurement_noise", -1.0),
+        ("steps_per_action", 0),
+        ("steps_per_action", 2.5),
+        ("observe", ()),
+        ("observe", ("rbm", "moment")),
+        ("observe", ("rbm", "rbm")),
+        ("tower_weight", -1.0),
+        ("render_mode", "ansi"),
+    ],
+)
+def test_impossible_keywords_are_refused_by_name(model_file, keyword, value):
+    with pytest.raises(ValueError, match=keyword):
+        flapgym.envs.FlapEnv(**{"model": model_file, keyword: value})
+
+
+def test_an_unknown_keyword_is_refused_by_name(model_file):
+    with pytest.raises(TypeError, match="turbulence_intensty"):
+        _make(model_file, turbulence_intensty=0.1)
+
+
+def test_another_wind_speed_is_refused_with_the_line_that_builds_its_model(model_file):
+    with pytest.raises(ValueError, match=r"flapgym build .*13mps\.toml --output .*13mps\.safetensors"):
+        _make(model_file, wind_speed=13.0)
+    assert _make(model_file, wind_speed=11.0).unwrapped.model.wind_speed == 11.0
+
+
+BAD_ACTIONS = [
+    [0.0, np.nan, 0.0],
+    [np.inf, 0.0, 0.0],
+    [0.0, 0.0],
+    [[0.0, 0.0, 0.0]],
+    0.0,
+    None,
+    "full",
+    [[0.0], [0.0, 1.0], [0.0]],
+]
+
+
+@pytest.mark.parametrize("action", BAD_ACTIONS, ids=str)
+def test_a_bad_action_is_refused_and_leaves_the_state_untouched(model_file, action):
+    env, twin = _make(model_file).unwrapped, _make(model_file).unwrapped
+    for one in (env, twin):
+        one.reset(seed=8)
+    for _ in range(3):
+        with pytest.raises(ValueError, match="action"):
+            env.step(action)
+        got, expected = env.step([0.3, -0.2, 1.0]), twin.step([0.3, -0.2, 1.0])
+        np.testing.assert_array_equal(got[0], expected[0])
+        assert got[1] == expected[1]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    arrays(np.float64, (40, 3), elements=st.one_of(st.sampled_from([-1.0, 1.0]), st.floats(-1e6, 1e6))),
+    st.sampled_from([1, 5, 10]),
+)
+def test_no_actions_push_a_flap_past_its_stops(actions, steps_per_action):
+    from tests.synthetic import synthetic_model
+
+    env = flapgym.envs.FlapEnv(
+        model=synthetic_model(), steps_per_action=steps_per_action, record_samples=True
+    )
+    env.reset(seed=0)
+    for action in actions:
+        observation, reward, terminated, _, info = env.step(action)
+        assert np.abs(info["samples"]["flap_angle"]).max() <= env.model.flap_angle_limit
+        assert np.abs(info["samples"]["flap_rate"]).max() <= env.model.flap_rate_limit
+        assert observation in env.observation_space
+        assert np.isfinite(reward)
+        assert not terminated
+
+
+def test_importing_the_package_loads_nothing_heavy():
+    code = (
+        "import sys, flapgym; heavy = ('torch', 'stable_baselines3', 'control', 'matplotlib', 'pygame'); "
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"

@@ -1,0 +1,49 @@
+"""The picture shows the turbine."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+
+from flapgym.envs.rendering import _place
+
+pytest.importorskip("pygame")
+
+
+def _run(env, actions):
+    env.reset(seed=0, options={"azimuth": 0.0})
+    for action in actions:
+        env.step(action)
+    return env
+
+
+def test_a_frame_is_a_picture_that_changes_with_the_state(model_file):
+    env = gymnasium.make("flapgym/NREL5MW-v0", model=model_file, render_mode="rgb_array")
+    still = _run(env, np.zeros((30, 3))).render()
+    moved = _run(env, np.tile([1.0, 0.0, -1.0], (30, 1))).render()
+    assert still.shape == (480, 640, 3)
+    assert still.dtype == np.uint8
+    assert (still != moved).any()
+    # Red for a flap that adds lift, blue for one that takes it away.
+    assert ((moved == (200, 40, 40)).all(axis=2)).sum() > ((still == (200, 40, 40)).all(axis=2)).sum()
+    env.close()
+
+
+def test_seen_from_upwind_the_rotor_turns_clockwise():
+    top, later = _place(0.0, 1.0, 0.0), _place(0.1, 1.0, 0.0)
+    assert later[0] > top[0]
+
+
+def test_human_mode_opens_and_closes_without_a_screen(model_file, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = gymnasium.make("flapgym/NREL5MW-v0", model=model_file, render_mode="human")
+    _run(env, np.zeros((3, 3)))
+    env.close()
+
+
+def test_rendering_without_a_mode_says_what_is_missing(model_file):
+    env = gymnasium.make("flapgym/NREL5MW-v0", model=model_file)
+    env.reset(seed=0)
+    with pytest.warns(UserWarning, match="render_mode"):
+        env.unwrapped.render()

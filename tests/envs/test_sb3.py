@@ -1,0 +1,76 @@
+"""The Stable-Baselines3 adapter: its interface, the ending step, one environment a blade."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from stable_baselines3.common.vec_env import VecMonitor
+
+from flapgym.envs import FlapVectorEnv
+from flapgym.envs.sb3 import FlapVecEnv
+from tests.synthetic import synthetic_model
+
+KEYWORDS = {"duration": 0.7, "observe": ("rbm", "flap_angle", "flap_rate")}
+
+
+def _vector(count=2, mode="SameStep"):
+    return FlapVectorEnv(count, autoreset_mode=mode, model=synthetic_model(), **KEYWORDS)
+
+
+def test_the_ending_step_hands_over_the_last_observation_and_its_reason():
+    env, twin = FlapVecEnv(_vector()), _vector(mode="Disabled")
+    env.seed(4)
+    np.testing.assert_array_equal(env.reset(), twin.reset(seed=4)[0])
+    action = np.full((2, 3), 0.2, dtype=np.float32)
+    for _ in range(19):
+        _, _, dones, infos = env.step(action)
+        last, *_ = twin.step(action)
+        assert not dones.any()
+        assert infos == [{}, {}]
+    observation, rewards, dones, infos = env.step(action)
+    last, expected_rewards, *_ = twin.step(action)
+    assert dones.all()
+    assert rewards.dtype == np.float32
+    np.testing.assert_allclose(rewards, expected_rewards, rtol=1e-6)
+    for turbine, info in enumerate(infos):
+        np.testing.assert_array_equal(info["terminal_observation"], last[turbine])
+        assert info["TimeLimit.truncated"] is True
+        assert not np.array_equal(observation[turbine], last[turbine])
+
+
+def test_per_blade_environments_are_the_columns_of_the_turbines():
+    whole, blades = FlapVecEnv(_vector()), FlapVecEnv(_vector(), per_blade=True)
+    whole.seed(1)
+    blades.seed(1)
+    full, split = whole.reset(), blades.reset()
+    assert split.shape == (6, 3)
+    assert blades.action_space.shape == (1,)
+    action = np.random.default_rng(0).uniform(-1, 1, (6, 1)).astype(np.float32)
+    for _ in range(20):
+        for turbine in range(2):
+            for blade in range(3):
+                np.testing.assert_array_equal(split[3 * turbine + blade], full[turbine, blade::3])
+        full, reward, _, _ = whole.step(action.reshape(2, 3))
+        split, blade_reward, dones, infos = blades.step(action)
+        np.testing.assert_allclose(blade_reward.reshape(2, 3).mean(axis=1), reward, rtol=1e-5)
+    assert dones.shape == (6,)
+    assert infos[5]["terminal_observation"].shape == (3,)
+
+
+def test_episode_statistics_work_through_vec_monitor():
+    env = VecMonitor(FlapVecEnv(_vector(), per_blade=True))
+    env.reset()
+    for _ in range(20):
+        *_, infos = env.step(np.zeros((6, 1), dtype=np.float32))
+    assert infos[0]["episode"]["l"] == 20
+
+
+def test_a_quantity_that_belongs_to_no_blade_is_refused_per_blade():
+    vector = FlapVectorEnv(1, autoreset_mode="SameStep", model=synthetic_model(), observe=("rbm", "azimuth"))
+    with pytest.raises(ValueError, match="azimuth"):
+        FlapVecEnv(vector, per_blade=True)
+
+
+def test_another_autoreset_mode_is_refused():
+    with pytest.raises(ValueError, match="SameStep"):
+        FlapVecEnv(_vector(mode="NextStep"))

@@ -1,0 +1,134 @@
+"""The vector environment is many single ones."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from flapgym.envs import FlapEnv, FlapVectorEnv
+from tests.synthetic import synthetic_model
+
+KEYWORDS = {
+    "duration": 0.7,
+    "observe": ("rbm", "flap_angle", "azimuth"),
+    "measurement_noise": 1e4,
+    "record_samples": True,
+    "flap_angle_weight": 0.1,
+}
+STEPS = 60  # three episodes of 20 actions
+
+
+def _pair(mode, count=4):
+    model = synthetic_model()
+    native = FlapVectorEnv(count, autoreset_mode=mode, model=model, **KEYWORDS)
+    sync = gymnasium.vector.SyncVectorEnv(
+        [lambda: FlapEnv(model=model, **KEYWORDS) for _ in range(count)], autoreset_mode=mode
+    )
+    return native, sync
+
+
+def _assert_same(got, expected, path="info"):
+    assert expected.keys() <= got.keys(), path
+    for name, value in expected.items():
+        if isinstance(value, dict):
+            _assert_same(got[name], value, f"{path}.{name}")
+        elif value.dtype == object:
+            for one, other in zip(got[name], value, strict=True):
+                assert (one is None) == (other is None)
+                if one is not None:
+                    np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6)
+        else:
+            mask = expected.get(f"_{name}", np.ones(len(value), dtype=bool))
+            np.testing.assert_allclose(
+                got[name][mask], value[mask], rtol=1e-9, atol=1e-9, err_msg=f"{path}.{name}"
+            )
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_trajectories_are_those_of_single_environments_through_every_autoreset(mode):
+    native, sync = _pair(mode)
+    (observation, info), (expected, expected_info) = native.reset(seed=12), sync.reset(seed=12)
+    np.testing.assert_allclose(observation, expected, rtol=1e-6, atol=1e-7)
+    _assert_same(info, expected_info)
+    rng = np.random.default_rng(0)
+    for _ in range(STEPS):
+        actions = rng.uniform(-1, 1, (4, 3)).astype(np.float32)
+        got, wanted = native.step(actions), sync.step(actions)
+        np.testing.assert_allclose(got[0], wanted[0], rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(got[1], wanted[1], rtol=1e-9)
+        np.testing.assert_array_equal(got[2], wanted[2])
+        np.testing.assert_array_equal(got[3], wanted[3])
+        _assert_same(got[4], wanted[4])
+        if mode is AutoresetMode.NEXT_STEP:
+            assert not any(
+                got[4][name].any() for name in got[4].keys() - wanted[4].keys() if name.startswith("_")
+            )
+
+
+def test_without_autoreset_the_mask_says_who_begins_anew():
+    native = FlapVectorEnv(3, autoreset_mode="Disabled", model=synthetic_model(), **KEYWORDS)
+    native.reset(seed=1)
+    still = np.zeros((3, 3), dtype=np.float32)
+    observation, *_ = native.step(still)
+    again, info = native.reset(options={"reset_mask": np.array([False, True, False])})
+    np.testing.assert_array_equal(again[[0, 2]], observation[[0, 2]])
+    assert not np.array_equal(again[1], observation[1])
+    assert info["_rbm"].tolist() == [False, True, False]
+    truncated = np.zeros(3, dtype=bool)
+    for _ in range(19):
+        *_, truncated, _ = native.step(still)
+    assert truncated.tolist() == [True, False, True]
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        native.step(still)
+
+
+def test_make_vec_takes_the_native_environment_and_a_json_able_mode(model_file):
+    env = gymnasium.make_vec("flapgym/NREL5MW-v0", num_envs=5, model=model_file, autoreset_mode="SameStep")
+    assert isinstance(env.unwrapped, FlapVectorEnv)
+    assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    observation, _ = env.reset(seed=[5, 4, 3, 2, 1])
+    assert observation in env.observation_space
+    assert env.unwrapped.np_random_seed == (5, 4, 3, 2, 1)
+    assert env.spec.to_json()
+
+
+def test_returned_arrays_are_never_used_again():
+    env = FlapVectorEnv(2, model=synthetic_model(), **KEYWORDS)
+    kept = [env.reset(seed=0)]
+    copies = []
+    for _ in range(25):
+        kept.append(env.step(np.ones((2, 3))))
+        copies.append([np.array(part) for part in kept[-1][:4]])
+    for step, copy in zip(kept[1:], copies, strict=True):
+        for part, expected in zip(step[:4], copy, strict=True):
+            np.testing.assert_array_equal(part, expected)
+    arrays = [
+        part
+        for step in kept
+        for part in (step[0], *(v for v in step[-1].values() if isinstance(v, np.ndarray)))
+    ]
+    assert not any(np.shares_memory(one, other) for i, one in enumerate(arrays[:60]) for other in arrays[:i])
+
+
+def test_each_environment_may_have_its_own_realisation():
+    env = FlapVectorEnv(3, model=synthetic_model())
+    _, info = env.reset(seed=0, options={"realisation_seed": [7, 7, 8], "azimuth": 0.0})
+    wind = info["wind_perturbation"]
+    assert wind[0] == wind[1] != wind[2]
+
+
+def test_bad_actions_seeds_and_masks_are_refused():
+    env = FlapVectorEnv(2, model=synthetic_model())
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(np.zeros((2, 3)))
+    with pytest.raises(ValueError, match="seed"):
+        env.reset(seed=[1, 2, 3])
+    with pytest.raises(ValueError, match="reset_mask"):
+        env.reset(options={"reset_mask": np.array([True])})
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="environment 1"):
+        env.step(np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]]))
+    with pytest.raises(ValueError, match="shape"):
+        env.step(np.zeros(3))

@@ -9,7 +9,6 @@ import numpy as np
 
 from flapgym.aerodynamics import (
     Aerodynamics,
-    build_aerodynamics,
     flap_downwash,
     gust_downwash,
     transfer_function,
@@ -38,16 +37,17 @@ from flapgym.aeroelastic.model import (
     TurbineModel,
 )
 from flapgym.aeroelastic.multiblade import WORK_WEIGHTS, hub_components
+from flapgym.aeroelastic.trim import deflected_lattice, trim
 from flapgym.reduction import ReducedSystem, balanced_reduction, normal_modes
 from flapgym.state_space import Array, StateSpace, series
-from flapgym.structure import LinearBlade, LinearSupport, linear_blade, linear_support
+from flapgym.structure import LinearBlade, LinearSupport, linear_support
 from flapgym.turbine import Case
 from flapgym.turbulence import von_karman_filter
 
 Progress = Callable[[str], None]
 
 # Called with each of these as it begins, so that a caller can show how far the build is.
-STAGES = ("structure", "lattice of the rotor", "lattice of one blade", "reduction", "coupling")
+STAGES = ("trim", "lattice of one blade", "reduction", "coupling")
 
 _FREQUENCIES = 2048  # roots of unity for the impulse response: at least four times the wake rows
 _SCALING_FREQUENCY = 0.2  # Hz; lattice outputs count by their size here, where turbulence has its energy
@@ -101,24 +101,23 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     ValueError
         If the reduced aerodynamics or the coupled model is unstable, or the wake is longer than the window
         of the impulse response allows.
+    EquilibriumError, RuntimeError
+        If blade and lattice find no balance.
     """
     tell = progress or (lambda stage: None)
     tell(STAGES[0])
-    blade = linear_blade(
-        case.turbine, case.discretisation.blade_elements, case.rotor_speed, case.operating_point.pitch
-    )
+    balance = trim(case)
+    blade, rotor_aero = balance.blade, balance.rotor
     support = linear_support(case.turbine, case.rotor_speed)
     frequency, shape = normal_modes(blade.mass, blade.stiffness, case.reduction.blade_modes)
-    tell(STAGES[1])
-    rotor_aero = build_aerodynamics(case, blades=3)
     lattice = blade_lattice(case, rotor_aero, blade, shape)
+    tell(STAGES[1])
+    blade_aero = deflected_lattice(case, blade, blades=1)
     tell(STAGES[2])
-    blade_aero = build_aerodynamics(case, blades=1)
-    tell(STAGES[3])
     order = case.reduction.aerodynamic_states
     collective, whirl = (reduce_component(rotor_aero, lattice, m, order) for m in (0, 1))
     alone = reduce_component(blade_aero, lattice, 0, order)
-    tell(STAGES[4])
+    tell(STAGES[3])
     dt = case.discretisation.time_step
     rotor = multiblade_aerodynamics(collective, whirl, case.rotor_speed, dt)
     turbine = couple(turbine_equations(case, blade, support, frequency, shape, lattice), rotor, dt)
@@ -143,7 +142,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         flap_rate_limit=limits.rate_limit,
         acceleration_limit=limits.acceleration_limit,
         rbm_rms=open_loop_rms(case, turbine),
-        hash=case.hash(),
+        inputs_hash=case.hash(),
         case=case.to_dict(),
     )
 

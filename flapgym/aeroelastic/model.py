@@ -11,6 +11,7 @@ import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,7 @@ class TurbineModel:
         Flap stops [rad, rad/s] and the acceleration an action of one stands for [rad/s^2].
     rbm_rms : float
         Open-loop rms of the root bending moment under the reference turbulence, mean over blades [N m].
-    hash : str
+    inputs_hash : str
         SHA-256 of the inputs (case and turbine data) the model was built from.
     case : mapping
         Those inputs, as plain JSON values.
@@ -93,9 +94,14 @@ class TurbineModel:
     flap_rate_limit: float
     acceleration_limit: float
     rbm_rms: float
-    hash: str
+    inputs_hash: str
     case: Mapping[str, Any]
     format_version: int = FORMAT_VERSION
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of the model's matrices: what an agent names to say which model it was made for."""
+        return _checksum(_tensors(self))
 
 
 def builtin_models() -> list[str]:
@@ -110,11 +116,7 @@ def builtin_models() -> list[str]:
 
 def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     """Write the model file atomically: readers see the old file or the new one, never half of one."""
-    tensors = {
-        f"{system}.{matrix}": np.ascontiguousarray(getattr(getattr(model, system), matrix))
-        for system in _SYSTEMS
-        for matrix in _MATRICES
-    }
+    tensors = _tensors(model)
     header = {
         field.name: dict(model.case) if field.name == "case" else getattr(model, field.name)
         for field in fields(model)
@@ -123,7 +125,7 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     for system in _SYSTEMS:
         part = getattr(model, system)
         header[system] = {"inputs": part.inputs, "outputs": part.outputs}
-    header["checksum"] = _checksum(tensors)
+    header["hash"] = model.hash
     target = Path(path)
     handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     os.close(handle)
@@ -160,7 +162,7 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
         raise ValueError(f"model {path}: not a flapgym model file; make one with `flapgym build`")
     try:
         header = json.loads(metadata["flapgym"])
-        version, checksum = header["format_version"], header.pop("checksum")
+        version, checksum = header["format_version"], header.pop("hash")
     except (ValueError, KeyError) as error:
         raise ValueError(f"model {path}: damaged header ({error}); build it again") from None
     if version != FORMAT_VERSION:
@@ -190,6 +192,14 @@ def _find(name: str | os.PathLike[str]) -> Path:
             f"(shipped: {', '.join(builtin_models()) or 'none'})"
         )
     return path
+
+
+def _tensors(model: TurbineModel) -> dict[str, Array]:
+    return {
+        f"{system}.{matrix}": np.ascontiguousarray(getattr(getattr(model, system), matrix))
+        for system in _SYSTEMS
+        for matrix in _MATRICES
+    }
 
 
 def _checksum(tensors: Mapping[str, Array]) -> str:

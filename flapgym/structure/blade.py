@@ -15,6 +15,9 @@ SHEAR_TO_AXIAL = 10.0
 """Shear stiffness over axial stiffness. None is published, and the turbine's definition knows no shear: ten
 makes the beams rigid in shear (a hundred moves no Table 1 mode by more than 0.1 %)."""
 
+LOAD_STEPS = 4
+"""Newton takes the turbine's own mean load (some six metres of tip deflection) in this many steps with a margin."""
+
 # Columns: along the beam, normal (downwind), chordwise to the trailing edge, for zero twist and cone in S.
 _SECTION_AXES = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
@@ -82,5 +85,6 @@ def linear_blade(
         Steady nodal forces [N] and moments [N m] in S axes (dead), the aerodynamic trim's.
     """
     beam = blade_beam(turbine, elements, pitch)
-    configuration = solve_equilibrium(beam, np.array([rotor_speed, 0.0, 0.0]), load)
-    return linearise(beam, configuration, rotor_speed)
+    steps = 1 if load is None else LOAD_STEPS
+    configuration = solve_equilibrium(beam, np.array([rotor_speed, 0.0, 0.0]), load, load_steps=steps)
+    return linearise(beam, configuration, rotor_speed, load)

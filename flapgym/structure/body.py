@@ -8,7 +8,7 @@ import numpy as np
 
 from flapgym.structure.beam import Beam, Configuration, internal_force, tangent
 from flapgym.structure.inertia import distribution, linearise_inertia, steady_force
-from flapgym.structure.rotation import Array
+from flapgym.structure.rotation import Array, hat
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +74,24 @@ class LinearBlade:
     root_load: Array
 
 
-def linearise(beam: Beam, configuration: Configuration, rotor_speed: float) -> LinearBlade:
-    """Linear body about a steady configuration under rotation about +x; its first node is clamped."""
+def linearise(
+    beam: Beam, configuration: Configuration, rotor_speed: float, load: Array | None = None
+) -> LinearBlade:
+    """Linear body about a steady configuration under rotation about +x; its first node is clamped.
+
+    A steady dead `load` (n + 1, 6) moves with the node it acts on: its moment about the apex grows with the
+    displacement, which K_RS takes in.
+    """
     rotation = np.array([rotor_speed, 0.0, 0.0])
     inertia = distribution(beam)
     matrices = linearise_inertia(inertia, configuration, rotation)
     stiffness = tangent(beam, configuration) + matrices.stiffness
     steady = steady_force(inertia, configuration, rotation)
     free, root = slice(6, None), slice(0, 6)
+    stiffness_rs = matrices.stiffness_rs[:, free].copy()
+    if load is not None:
+        moment = stiffness_rs[3:].reshape(3, -1, 6)
+        moment[:, :, :3] += hat(load[1:, :3]).transpose(1, 0, 2)  # -(u x F)
     return LinearBlade(
         rotor_speed=rotor_speed,
         position=configuration.position,
@@ -93,7 +103,7 @@ def linearise(beam: Beam, configuration: Configuration, rotor_speed: float) -> L
         damping_sr=matrices.damping_sr[free],
         mass_rs=matrices.mass_rs[:, free],
         damping_rs=matrices.damping_rs[:, free],
-        stiffness_rs=matrices.stiffness_rs[:, free],
+        stiffness_rs=stiffness_rs,
         mass_rr=matrices.mass_rr,
         damping_rr=matrices.damping_rr,
         root_mass=matrices.mass[root, free],

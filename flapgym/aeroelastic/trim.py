@@ -1,0 +1,97 @@
+"""The aeroelastic equilibrium: blade and lattice in balance at the operating point (Section II.A, steady state).
+
+The mean load bends and twists the blade, the bent blade carries the lattice elsewhere; the two are solved in
+turn until they agree. All blades are equal and see the same steady wind, so one of them tells all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flapgym.aerodynamics import Aerodynamics, MeanLoads, build_aerodynamics, mean_loads
+from flapgym.aeroelastic.interaction import interpolation
+from flapgym.state_space import Array
+from flapgym.structure import LinearBlade, blade_beam, linear_blade
+from flapgym.turbine import Case
+
+MAX_ITERATIONS = 20
+TOLERANCE = 1e-6
+"""Largest movement of a node between two rounds that counts as balance [m]; each round gains about a digit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trim:
+    """Steady equilibrium of a rotor at its operating point.
+
+    Attributes
+    ----------
+    blade : LinearBlade
+        Blade 1 linearised about the equilibrium.
+    rotor : Aerodynamics
+        The lattice of all blades in their deflected places.
+    loads : MeanLoads
+        Mean loads there.
+    iterations : int
+        Rounds of lattice and beam.
+    """
+
+    blade: LinearBlade
+    rotor: Aerodynamics
+    loads: MeanLoads
+    iterations: int
+
+
+def trim(case: Case, blades: int = 3) -> Trim:
+    """Balance the beam and the lattice.
+
+    Parameters
+    ----------
+    case : Case
+    blades : int
+        3 for the rotor, 1 for a blade that turns alone.
+
+    Raises
+    ------
+    EquilibriumError
+        If the beam finds no balance under a load.
+    RuntimeError
+        If lattice and beam do not settle; the message says how far apart they are.
+    """
+    grid = case.discretisation
+
+    def bend(load: Array | None) -> LinearBlade:
+        return linear_blade(
+            case.turbine, grid.blade_elements, case.rotor_speed, case.operating_point.pitch, load
+        )
+
+    blade, move = bend(None), np.inf
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        rotor = deflected_lattice(case, blade, blades)
+        loads = mean_loads(case, rotor)
+        after = bend(nodal_load(blade, loads))
+        move = float(np.linalg.norm(after.position - blade.position, axis=1).max())
+        blade = after
+        if move < TOLERANCE:
+            return Trim(blade, rotor, loads, iteration)
+    raise RuntimeError(
+        f"trim: blade and lattice still move by {move:.3g} m after {MAX_ITERATIONS} rounds; "
+        "lower the wind speed or the tip-speed ratio"
+    )
+
+
+def deflected_lattice(case: Case, blade: LinearBlade, blades: int) -> Aerodynamics:
+    """The lattice on the deflected beam: its axis where the nodes are, its sections turned as they are."""
+    grid = case.discretisation
+    first = grid.first_lattice_node
+    straight = blade_beam(case.turbine, grid.blade_elements, case.operating_point.pitch).reference
+    turned = blade.orientation[first:] @ straight.orientation[first:].transpose(0, 2, 1)
+    return build_aerodynamics(case, blades, blade.position[first:], turned)
+
+
+def nodal_load(blade: LinearBlade, loads: MeanLoads) -> Array:
+    """Mean panel forces as nodal forces and moments (n + 1, 6) in S, the root's own being zero."""
+    displacement, _ = interpolation(blade, loads.force_point)
+    nodal = (displacement.T @ loads.force.ravel()).reshape(-1, 6)
+    return np.vstack([np.zeros(6), nodal])

@@ -57,9 +57,8 @@ def _find(name_or_path: str | os.PathLike[str], kind: str, folder: Path) -> Path
 
 
 def _load(cls: type[T], path: Path, kind: str) -> T:
-    document = _merged(path, kind, ())
     try:
-        return read(cls, document)
+        return read(cls, _merged(path, kind, ()))
     except ValueError as error:
         raise ValueError(f"{error} (in {path})") from None
 
@@ -68,21 +67,17 @@ def _merged(path: Path, kind: str, derived: tuple[Path, ...]) -> dict[str, Any]:
     """Parse a file and lay it over its base; `derived` are the files that led here."""
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
-        if kind == "case" and "turbine" in document:
-            named = Text().check(document["turbine"], "turbine")
-            document["turbine"] = _load(Turbine, _find(named, "turbine", path.parent), "turbine")
-        if "base" not in document:
-            return document
-        base = _find(Text().check(document.pop("base"), "base"), kind, path.parent)
-        chain = (*derived, path.resolve())
-        if base.resolve() in chain:
-            raise ValueError(f"base: expected a file that does not lead back here, got {base}")
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: not a TOML file (it is not UTF-8 text)") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path}: not valid TOML: {error}") from None
-    except ValueError as error:
-        raise error if " (in " in str(error) else ValueError(f"{error} (in {path})") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path.name}: not valid TOML: {error}") from None
+    if kind == "case" and "turbine" in document:
+        turbine = _find(Text().check(document["turbine"], "turbine"), "turbine", path.parent)
+        document["turbine"] = _load(Turbine, turbine, "turbine")
+    if "base" not in document:
+        return document
+    base = _find(Text().check(document.pop("base"), "base"), kind, path.parent)
+    chain = (*derived, path.resolve())
+    if base.resolve() in chain:
+        raise ValueError(f"base: expected a file that does not lead back here, got {base}")
     inherited = _merged(base, kind, chain)
     inherited.pop("name", None)
     return _overlaid(inherited, document)

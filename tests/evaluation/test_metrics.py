@@ -24,7 +24,9 @@ def test_del_of_the_astm_example():
 @pytest.mark.parametrize("slope", [3.0, 10.0])
 def test_del_of_a_sinusoid_at_the_equivalent_frequency_is_its_range(slope):
     time = np.arange(0.0, 400.0, 0.01)
-    assert damage_equivalent_load(2.5e6 * np.sin(2.0 * np.pi * time), 0.01, slope) == pytest.approx(5e6, rel=2e-3)
+    assert damage_equivalent_load(2.5e6 * np.sin(2.0 * np.pi * time), 0.01, slope) == pytest.approx(
+        5e6, rel=2e-3
+    )
 
 
 def test_del_scales_with_the_load_and_ignores_its_mean():

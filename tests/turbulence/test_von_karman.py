@@ -44,7 +44,12 @@ def test_autocorrelation_is_von_karmans():
     decay = np.diag(system.A)
     ours = np.array([(system.C * decay**lag) @ covariance @ system.C.T for lag in lags]).ravel()
     s = lags * STEP * 2.0 * np.pi * WIND / (np.sqrt(70.8) * LENGTH)
-    exact = 2.0 ** (2.0 / 3.0) / scipy.special.gamma(1.0 / 3.0) * s ** (1.0 / 3.0) * scipy.special.kv(1.0 / 3.0, s)
+    exact = (
+        2.0 ** (2.0 / 3.0)
+        / scipy.special.gamma(1.0 / 3.0)
+        * s ** (1.0 / 3.0)
+        * scipy.special.kv(1.0 / 3.0, s)
+    )
     np.testing.assert_allclose(ours / (INTENSITY * WIND) ** 2, exact, atol=2e-3)
 
 

@@ -1,0 +1,38 @@
+"""Metrics, damage-equivalent loads and the paired comparison of agents on the same wind (paper section IV.C)."""
+
+from flapgym.evaluation.bootstrap import Estimate, paired_change
+from flapgym.evaluation.compare import (
+    SCORED_SEED,
+    Comparison,
+    Plan,
+    Score,
+    compare,
+    plan,
+    run,
+)
+from flapgym.evaluation.metrics import Metrics, Record, damage_equivalent_load, measure, root_mean_square
+from flapgym.evaluation.report import as_json, as_markdown, as_text, writable_folder, write_report
+from flapgym.evaluation.simulate import simulate
+
+__all__ = [
+    "SCORED_SEED",
+    "Comparison",
+    "Estimate",
+    "Metrics",
+    "Plan",
+    "Record",
+    "Score",
+    "as_json",
+    "as_markdown",
+    "as_text",
+    "compare",
+    "damage_equivalent_load",
+    "measure",
+    "paired_change",
+    "plan",
+    "root_mean_square",
+    "run",
+    "simulate",
+    "writable_folder",
+    "write_report",
+]

@@ -1,0 +1,257 @@
+"""All agents on the same realisations, against open loop, with confidence intervals (paper section IV.C)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from tqdm import tqdm
+
+from flapgym.aeroelastic.model import TurbineModel, load_model
+from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
+from flapgym.evaluation.bootstrap import Estimate, paired_change
+from flapgym.evaluation.metrics import Metrics, Record, measure
+from flapgym.evaluation.report import writable_folder, write_report
+from flapgym.evaluation.simulate import BATCH, simulate
+
+SCORED_SEED = 1_000_000
+"""First seed of the scored realisations: tuning and training keep away from this and the next thousand."""
+
+PAPER_REALISATIONS = 5
+PAPER_LENGTH = 20.0
+"""Length of a realisation in length scales over wind speed."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """What the table says of one agent.
+
+    Attributes
+    ----------
+    rbm_rms_change, tip_rms_change, rbm_del_change, tower_rms_change : Estimate
+        Paired change against open loop, a fraction, negative is a reduction.
+    rbm_rms : float
+        Mean over blades and realisations [N m].
+    flap_angle_max, flap_rate_max : float
+        Over everything [rad, rad/s].
+    flap_travel : float
+        Mean path of a flap per second [rad/s].
+    made_for_this_model : bool
+        False if the agent was designed or trained on another model.
+    """
+
+    rbm_rms_change: Estimate
+    tip_rms_change: Estimate
+    rbm_del_change: Estimate
+    tower_rms_change: Estimate
+    rbm_rms: float
+    flap_angle_max: float
+    flap_rate_max: float
+    flap_travel: float
+    made_for_this_model: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Scores by agent in the table's order, what they were measured on, and one realisation to look at.
+
+    Attributes
+    ----------
+    scores : dict of str to Score
+        By agent name, open loop first.
+    records : dict of str to Record
+        Blade signals of the first realisation, by agent name.
+    model_name, model_hash : str
+    realisations : int
+    seed : int
+        Of the first realisation; the next have the next.
+    duration : float
+        Of each realisation [s].
+    rotor_speed : float
+        [rad/s].
+    """
+
+    scores: dict[str, Score]
+    records: dict[str, Record]
+    model_name: str
+    model_hash: str
+    realisations: int
+    seed: int
+    duration: float
+    rotor_speed: float
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A comparison whose every input has been read and checked; `run` does the work.
+
+    Attributes
+    ----------
+    agents : tuple of Agent
+        Open loop first.
+    model : TurbineModel
+    seeds : range
+        Of the realisations.
+    duration : float
+        Of each [s].
+    """
+
+    agents: tuple[Agent, ...]
+    model: TurbineModel
+    seeds: range
+    duration: float
+
+
+def plan(
+    agents: Sequence[str | os.PathLike[str] | Agent] = AGENT_NAMES,
+    model: TurbineModel | str | os.PathLike[str] = "nrel5mw-rated",
+    realisations: int = PAPER_REALISATIONS,
+    seed: int = SCORED_SEED,
+    duration: float | None = None,
+) -> Plan:
+    """Read and check all that `compare` needs, before any work.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        Naming the agent, model or option at fault.
+    """
+    if realisations < 1:
+        raise ValueError(f"realisations: expected at least 1, got {realisations}")
+    if seed < 0:
+        raise ValueError(f"seed: expected a whole number >= 0, got {seed}")
+    if duration is not None and not (np.isfinite(duration) and duration >= 1.0):
+        raise ValueError(f"duration: expected at least 1 s, got {duration}")
+    if not isinstance(model, TurbineModel):
+        model = load_model(model)
+    if duration is None:
+        duration = PAPER_LENGTH * model.length_scale / model.wind_speed
+    return Plan(_contestants(agents, model), model, range(seed, seed + realisations), duration)
+
+
+def run(comparison: Plan, progress: bool = False) -> Comparison:
+    """Simulate every agent of a plan and score it; `progress` shows a bar on standard error."""
+    model, seeds, duration = comparison.model, comparison.seeds, comparison.duration
+    metrics: dict[str, Metrics] = {}
+    records: dict[str, Record] = {}
+    samples = len(comparison.agents) * len(seeds) * round(duration / model.time_step)
+    with tqdm(total=samples, disable=not progress, unit=" steps", unit_scale=True, mininterval=0.5) as bar:
+        for agent in comparison.agents:
+            bar.set_description(agent.name)
+            metrics[agent.name], records[agent.name] = _run(agent, model, seeds, duration, bar)
+    _require_one_wind(records)
+    return Comparison(
+        scores={agent.name: _score(agent, model, metrics) for agent in comparison.agents},
+        records=records,
+        model_name=model.name,
+        model_hash=model.hash,
+        realisations=len(seeds),
+        seed=seeds[0],
+        duration=duration,
+        rotor_speed=model.rotor_speed,
+    )
+
+
+def compare(
+    agents: Sequence[str | os.PathLike[str] | Agent] = AGENT_NAMES,
+    model: TurbineModel | str | os.PathLike[str] = "nrel5mw-rated",
+    realisations: int = PAPER_REALISATIONS,
+    seed: int = SCORED_SEED,
+    duration: float | None = None,
+    output: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> Comparison:
+    """Score agents on the same realisations of the model's reference turbulence.
+
+    Everything asked for is checked before any work; files are written at the end, each whole or not at all.
+
+    Parameters
+    ----------
+    agents : sequence
+        Names of shipped agents, paths of agent files, or agents. Open loop is always among them.
+    model : TurbineModel, name or path
+        The turbine.
+    realisations : int
+        Number of realisations.
+    seed : int
+        Seed of the first; realisation i takes seed + i.
+    duration : float, optional
+        Length of each [s], by default 20 L/U.
+    output : path, optional
+        Folder for compare.json, .csv, .md and .png.
+    progress : bool
+        Show a bar on standard error.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        Naming the agent, model or option at fault.
+    """
+    planned = plan(agents, model, realisations, seed, duration)
+    folder = None if output is None else writable_folder(output)
+    comparison = run(planned, progress)
+    if folder is not None:
+        write_report(comparison, folder)
+    return comparison
+
+
+def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
+    """Agents ready to run, open loop first; two of one name would share a row."""
+    found = [load_agent(a, model) if isinstance(a, str | os.PathLike) else a for a in agents]
+    ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if agent.name != OpenLoop.name))
+    names = [agent.name for agent in ordered]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"agents: two are called {name}; give each its own name")
+    return ordered
+
+
+def _run(
+    agent: Agent, model: TurbineModel, seeds: range, duration: float, bar: tqdm
+) -> tuple[Metrics, Record]:
+    """Metrics of all realisations, in batches, and the record of the first."""
+    parts: list[Metrics] = []
+    first: Record | None = None
+    for begin in range(0, len(seeds), BATCH):
+        some = seeds[begin : begin + BATCH]
+
+        def advanced(steps: int, turbines: int = len(some)) -> None:
+            bar.update(turbines * steps)
+
+        record = simulate(agent, model, some, duration, advanced)
+        parts.append(measure(record))
+        if first is None:
+            arrays = {f.name: getattr(record, f.name) for f in fields(record) if f.name != "time_step"}
+            first = Record(
+                **{name: array[:1].copy() for name, array in arrays.items()}, time_step=model.time_step
+            )
+    assert first is not None
+    joined = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Metrics)}
+    return Metrics(**joined), first
+
+
+def _require_one_wind(records: dict[str, Record]) -> None:
+    """Pairs are pairs only if every agent met the same wind."""
+    reference = records[OpenLoop.name].wind
+    for name, record in records.items():
+        if not np.allclose(record.wind, reference, rtol=0.0, atol=1e-6):
+            raise RuntimeError(
+                f"agent {name}: met another wind than open loop; the comparison would mean nothing"
+            )
+
+
+def _score(agent: Agent, model: TurbineModel, metrics: dict[str, Metrics]) -> Score:
+    ours, reference = metrics[agent.name], metrics[OpenLoop.name]
+    return Score(
+        rbm_rms_change=paired_change(ours.rbm_rms, reference.rbm_rms),
+        tip_rms_change=paired_change(ours.tip_rms, reference.tip_rms),
+        rbm_del_change=paired_change(ours.rbm_del, reference.rbm_del),
+        tower_rms_change=paired_change(ours.tower_rms, reference.tower_rms),
+        rbm_rms=float(ours.rbm_rms.mean()),
+        flap_angle_max=float(ours.flap_angle_max.max()),
+        flap_rate_max=float(ours.flap_rate_max.max()),
+        flap_travel=float(ours.flap_travel.mean()),
+        made_for_this_model=made_for(agent, model),
+    )

@@ -1,0 +1,146 @@
+"""The comparison as a table for people and as files: JSON, CSV, Markdown and a figure."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flapgym.atomic import write_atomically
+from flapgym.evaluation.bootstrap import Estimate
+from flapgym.evaluation.figure import draw_figure, figure_is_possible
+
+if TYPE_CHECKING:
+    from flapgym.evaluation.compare import Comparison, Score
+
+CHANGES = {
+    "rbm_rms_change": "RBM rms",
+    "tip_rms_change": "tip rms",
+    "rbm_del_change": "RBM DEL",
+    "tower_rms_change": "tower rms",
+}
+FEW = 10
+"""Below this number of realisations the table calls its intervals indicative."""
+
+
+def writable_folder(output: str | os.PathLike[str]) -> Path:
+    """The folder for the results, made if it is missing; refused if nothing can be written there."""
+    folder = Path(output)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"output {folder}: cannot make this folder ({error.strerror})") from None
+    if not os.access(folder, os.W_OK):
+        raise ValueError(f"output {folder}: not writable")
+    return folder
+
+
+def write_report(comparison: Comparison, folder: Path) -> None:
+    """Write compare.json, .csv, .md and, where matplotlib is installed, .png."""
+    document = json.dumps(as_json(comparison), indent=2, allow_nan=False) + "\n"
+    write_atomically(folder / "compare.json", document.encode())
+    write_atomically(folder / "compare.csv", as_csv(comparison).encode())
+    write_atomically(folder / "compare.md", as_markdown(comparison).encode())
+    if figure_is_possible():
+        write_atomically(folder / "compare.png", draw_figure(comparison))
+
+
+def as_json(comparison: Comparison) -> dict[str, Any]:
+    """Plain values in SI units; changes are fractions of open loop."""
+    return {
+        "model": {"name": comparison.model_name, "hash": comparison.model_hash},
+        "realisations": comparison.realisations,
+        "seed": comparison.seed,
+        "duration": comparison.duration,
+        "agents": {name: asdict(score) for name, score in comparison.scores.items()},
+    }
+
+
+def as_csv(comparison: Comparison) -> str:
+    """One row an agent, the three numbers of a change in columns of their own."""
+    rows = []
+    for name, score in comparison.scores.items():
+        row: dict[str, Any] = {"agent": name}
+        for field, value in asdict(score).items():
+            if isinstance(value, dict):
+                row |= {f"{field}_{key}": entry for key, entry in value.items()}
+            else:
+                row[field] = value
+        rows.append(row)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def as_markdown(comparison: Comparison) -> str:
+    """The table with its caption and remarks."""
+    header, rows = _cells(comparison)
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join([_caption(comparison), "", *lines, "", *_remarks(comparison)]) + "\n"
+
+
+def as_text(comparison: Comparison) -> str:
+    """The table for a terminal."""
+    header, rows = _cells(comparison)
+    table = [header, *rows]
+    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in table]
+    lines.insert(1, "  ".join("-" * width for width in widths))
+    return "\n".join(
+        [_caption(comparison), "", *(line.rstrip() for line in lines), "", *_remarks(comparison)]
+    )
+
+
+def _cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
+    header = ["agent", *(f"{label} [%]" for label in CHANGES.values())]
+    header += ["RBM rms [MN m]", "max angle [deg]", "max rate [deg/s]", "travel [deg/s]"]
+    return header, [_row(name, score) for name, score in comparison.scores.items()]
+
+
+def _row(name: str, score: Score) -> list[str]:
+    cells = [name if score.made_for_this_model else f"{name} *"]
+    cells += [_percent(getattr(score, field)) for field in CHANGES]
+    cells.append(f"{score.rbm_rms / 1e6:.3f}")
+    cells += [
+        f"{np.rad2deg(value):.2f}" for value in (score.flap_angle_max, score.flap_rate_max, score.flap_travel)
+    ]
+    return cells
+
+
+def _percent(change: Estimate) -> str:
+    if change.low is None or change.high is None:
+        return f"{100 * change.mean:+.1f}"
+    if change.low == change.high == change.mean == 0.0:
+        return "0"
+    return f"{100 * change.mean:+.1f} [{100 * change.low:+.1f}, {100 * change.high:+.1f}]"
+
+
+def _caption(comparison: Comparison) -> str:
+    count = comparison.realisations
+    return (
+        f"Change against open loop on the same {count} realisation{'s' if count > 1 else ''} of "
+        f"{comparison.duration:.0f} s, model {comparison.model_name} ({comparison.model_hash[:12]}): "
+        "mean over blades and realisations, 95 % paired bootstrap interval."
+    )
+
+
+def _remarks(comparison: Comparison) -> list[str]:
+    remarks = []
+    if comparison.realisations == 1:
+        remarks.append("One realisation gives no interval.")
+    elif comparison.realisations < FEW:
+        remarks.append(f"Intervals from {comparison.realisations} realisations are indicative.")
+    if any(not score.made_for_this_model for score in comparison.scores.values()):
+        remarks.append("* made for another model than this one.")
+    if not figure_is_possible():
+        remarks.append("No figure: matplotlib is not installed (pip install flapgym[baselines]).")
+    return remarks

@@ -1,0 +1,70 @@
+"""Run an agent through the environment and keep every plant sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.control import Agent
+from flapgym.envs import FlapVectorEnv
+from flapgym.evaluation.metrics import Record
+
+BATCH = 10
+"""Realisations run side by side: more of them would hold gigabytes of samples."""
+
+_SAMPLES = ("rbm", "tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "wind")
+
+
+def simulate(
+    agent: Agent,
+    model: TurbineModel,
+    seeds: Sequence[int],
+    duration: float,
+    advanced: Callable[[int], Any] = lambda samples: None,
+) -> Record:
+    """The record of `agent` on one realisation per seed, from a calm flap.
+
+    Parameters
+    ----------
+    agent : Agent
+        What acts; its own `observe` and `steps_per_action` make the environment.
+    model : TurbineModel
+        The turbine.
+    seeds : sequence of int
+        Seeds of the realisations; agents given the same seeds meet the same wind and azimuth.
+    duration : float
+        Length of each [s]; the record keeps round(duration / dt) samples.
+    advanced : callable
+        Told the samples each step adds to the record, for a progress bar.
+    """
+    environment = FlapVectorEnv(
+        num_envs=len(seeds),
+        model=model,
+        turbulence_intensity=model.turbulence_intensity,
+        length_scale=model.length_scale,
+        observe=agent.observe,
+        steps_per_action=agent.steps_per_action,
+        # Whole intervals that cover the duration: agents of other intervals must not end early.
+        duration=duration + agent.steps_per_action * model.time_step,
+        record_samples=True,
+    )
+    kept = round(duration / model.time_step)
+    pieces: dict[str, list[np.ndarray]] = {name: [] for name in _SAMPLES}
+    observation, _ = environment.reset(seed=list(seeds))
+    state, start, done = None, np.ones(len(seeds), dtype=bool), 0
+    while done < kept:
+        action, state = agent.predict(observation, state, start)
+        observation, _, terminated, truncated, info = environment.step(action)
+        for name in _SAMPLES:
+            pieces[name].append(info["samples"][name])
+        start = terminated | truncated
+        advanced(min(agent.steps_per_action, kept - done))
+        done += agent.steps_per_action
+        if start.any() and done < kept:
+            raise RuntimeError(f"agent {agent.name}: the episode ended after {done} of {kept} samples")
+    environment.close()
+    series = {name: np.concatenate(parts, axis=1)[:, :kept] for name, parts in pieces.items()}
+    return Record(**series, time_step=model.time_step)

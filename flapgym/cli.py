@@ -17,6 +17,7 @@ import numpy as np
 from tqdm import tqdm
 
 from flapgym import __version__
+from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic import TurbineModel, load_model, save_model
 from flapgym.aeroelastic.build import STAGES, build_model
 from flapgym.control import AGENT_NAMES
@@ -102,6 +103,15 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("config", metavar="CONFIG", help="a case's TOML file, or a built-in one: nrel5mw-rated")
     sub.add_argument("--output", metavar="FILE", type=Path, required=True, help="the model file to write")
 
+    sub = command("aero", _aero, "print mean loads and gains of a case's vortex lattice")
+    sub.add_argument(
+        "config",
+        metavar="CONFIG",
+        nargs="?",
+        default="nrel5mw-rated",
+        help="a case's TOML file, or a built-in one; default: %(default)s",
+    )
+
     sub = command("info", _info, "say what a model holds")
     sub.add_argument(
         "model",
@@ -150,6 +160,16 @@ def _build(options: argparse.Namespace) -> Work:
             save_model(model, options.output)
             bar.update(len(STAGES) - bar.n)
         print(f"wrote {options.output}\n{describe(model)}")
+        return 0
+
+    return work
+
+
+def _aero(options: argparse.Namespace) -> Work:
+    case = load_case(options.config)
+
+    def work() -> int:
+        print(describe_aerodynamics(case))
         return 0
 
     return work

@@ -1,6 +1,14 @@
-"""Model reduction before coupling: modal for the structure, balanced for the aerodynamics (Section II.D)."""
+"""Model reduction: modal for the structure, balanced for the aerodynamics and for the coupled whole (Section II.D)."""
 
 from flapgym.reduction.balanced import ReducedSystem, balanced_reduction
 from flapgym.reduction.modal import normal_modes
+from flapgym.reduction.weighted import output_rms, relative_error, weighted_truncation
 
-__all__ = ["ReducedSystem", "balanced_reduction", "normal_modes"]
+__all__ = [
+    "ReducedSystem",
+    "balanced_reduction",
+    "normal_modes",
+    "output_rms",
+    "relative_error",
+    "weighted_truncation",
+]

@@ -47,11 +47,17 @@ def glauert_scale(chordwise: int, chord_fraction: float) -> float:
     return glauert_lift(chord_fraction) / panel_lift(flap_cover(chordwise, chord_fraction)[0])
 
 
-def span_cover(strips: int, span_start: float, span_end: float) -> Array:
-    """Share of each of `strips` equal strips between two fractions of the lattice's span, shape (strips,)."""
-    edge = np.arange(strips + 1) / strips
-    covered = np.clip(edge[1:], None, span_end) - np.clip(edge[:-1], span_start, None)
-    return np.clip(covered * strips, 0.0, None)
+def span_cover(edge: Array, span_start: float, span_end: float) -> Array:
+    """Share of each strip between two fractions of the span, for strips with edges (strips + 1,) along it.
+
+    An end within a hundredth of a strip of a strip's edge is taken to be there: printed radii are rounded, and a
+    deflected blade's strips do not keep their share of the span to the last digit.
+    """
+    fraction = (edge - edge[0]) / (edge[-1] - edge[0])
+    width = np.diff(fraction)
+    covered = np.clip(fraction[1:], None, span_end) - np.clip(fraction[:-1], span_start, None)
+    share = np.clip(covered / width, 0.0, 1.0)
+    return np.where(share < 0.01, 0.0, np.where(share > 0.99, 1.0, share))
 
 
 def flap_downwash(aero: Aerodynamics, flap: Flap) -> tuple[Array, Array]:
@@ -76,7 +82,7 @@ def flap_downwash(aero: Aerodynamics, flap: Flap) -> tuple[Array, Array]:
     chord_direction = lattice.chord_vector / length[:, None]
     velocity = aero.relative_velocity.reshape(lattice.chordwise, lattice.strips, 3)
     tangential = np.einsum("csi,si->cs", velocity, chord_direction)
-    share = scale * cover[:, None] * span_cover(lattice.strips, flap.span_start, flap.span_end)
+    share = scale * cover[:, None] * span_cover(lattice.span, flap.span_start, flap.span_end)
     return (share * tangential).ravel(), (share * arm[:, None] * length).ravel()
 
 

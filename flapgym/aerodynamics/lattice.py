@@ -90,6 +90,12 @@ class Lattice:
         edge = self.trailing_edge - self.leading_edge
         return 0.5 * (edge[1:] + edge[:-1])
 
+    @property
+    def span(self) -> Array:
+        """Arc length of the strips' edges from the root of the lattice, along the quarter chords (strips + 1,) [m]."""
+        quarter = self.on_surface(np.array([0.25]))[0]
+        return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(quarter, axis=0), axis=1)))
+
     def on_surface(self, fraction: Array) -> Array:
         """Points of the strips' edges at chord fractions (q,), shape (q, strips + 1, 3) [m]."""
         return self.leading_edge + fraction[:, None, None] * (self.trailing_edge - self.leading_edge)

@@ -148,3 +148,25 @@ def test_positions_replace_the_undeformed_axis(rotor, case):
     np.testing.assert_allclose(
         moved.collocation - rotor.collocation, np.tile([0.5, 0.0, 0.0], (100, 1)), atol=1e-12
     )
+
+
+def test_several_flaps_add_up_to_the_one_they_make_together(rotor, case):
+    inner = flap_downwash(rotor, replace(case.flap, span_start=0.55, span_end=0.8))
+    outer = flap_downwash(rotor, replace(case.flap, span_start=0.8, span_end=0.93))
+    whole = flap_downwash(rotor, replace(case.flap, span_start=0.55, span_end=0.93))
+    for parts, together in zip(zip(inner, outer, strict=True), whole, strict=True):
+        np.testing.assert_allclose(sum(parts), together, atol=1e-9)
+
+
+def test_documented_stations_give_the_same_gains_as_even_strips(rotor, case):
+    documented = replace(
+        case, discretisation=replace(case.discretisation, blade_elements=48, first_lattice_node=11)
+    )
+    fine = build_aerodynamics(documented)
+    assert fine.lattice.strips == 37
+    for inputs in (
+        lambda aero: gust_downwash(aero).sum(axis=1),
+        lambda aero: flap_downwash(aero, case.flap)[0],
+    ):
+        coarse_gain = steady_root_moment(rotor, case, inputs(rotor))
+        assert steady_root_moment(fine, documented, inputs(fine)) == pytest.approx(coarse_gain, rel=0.03)

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import jv
 
 from flapgym.aerodynamics import flap_downwash, march, steady_circulation, transfer_function
-from flapgym.aerodynamics.downwash import flap_cover, glauert_lift, glauert_scale, panel_lift
+from flapgym.aerodynamics.downwash import flap_cover, glauert_lift, glauert_scale, panel_lift, span_cover
 from tests.aerodynamics.wings import straight_wing, theodorsen
 
 LOW = np.array([0.02, 0.05, 0.1])
@@ -103,6 +103,13 @@ def test_flap_scaled_by_a_number_and_partly_covering_strips(case):
     np.testing.assert_allclose(angle.reshape(10, 4), expected, atol=1e-12)
     arm = np.array([0.0] * 8 + [0.075, 0.175])
     np.testing.assert_allclose(rate.reshape(10, 4), expected * arm[:, None], atol=1e-12)
+
+
+def test_flap_ends_keep_to_uneven_strips():
+    edge = np.array([0.0, 1.0, 3.0, 6.0, 10.0])
+    np.testing.assert_allclose(span_cover(edge, 0.05, 0.45), [0.5, 1.0, 0.5, 0.0])
+    # A rounding of the radii does not give the neighbouring strips a sliver of flap.
+    np.testing.assert_array_equal(span_cover(edge, 0.1004, 0.6003), [0.0, 1.0, 1.0, 0.0])
 
 
 def test_lattice_lift_of_a_turned_aerofoil_is_exact():

@@ -18,7 +18,7 @@ help:  ## list the targets
 compare: .venv/with-baselines  ## score every shipped agent: table, results/compare.{json,csv,md} and figure
 	$(BIN)/flapgym compare $(ARGS)
 
-train: .venv/with-train  ## train the PPO and SAC policies (ARGS are those of train/policies.py)
+train: .venv/with-train  ## train the PPO and SAC policies (ARGS: configurations)
 	$(BIN)/python -m train.policies $(ARGS)
 
 test: .venv/with-test  ## run the test suite on all cores (ARGS are pytest's)

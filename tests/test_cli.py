@@ -87,6 +87,7 @@ def test_info_says_what_the_shipped_model_holds(run):
         (["build", "nrel5mw-rated", "--output", "no/such/m"], ["--output", "no/such"]),
         (["build", "nrel5mw-rated", "--output", "."], ["--output", "folder"]),
         (["info", "missing.safetensors"], ["missing.safetensors"]),
+        (["aero", "nrel5mw-rates"], ["nrel5mw-rates", "nrel5mw-rated"]),
         (["compare", "--agents", "lgq"], ["lgq", "lqg"]),
         (["compare", "--agents", "pd", "pd"], ["pd"]),
         (["compare", "--agents"], ["--agents"]),

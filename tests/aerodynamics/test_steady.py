@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.aerodynamics import build_aerodynamics, mean_loads
+from flapgym.aerodynamics import (
+    build_aerodynamics,
+    gust_downwash,
+    mean_loads,
+    root_moment_load,
+    steady_circulation,
+)
 from flapgym.aerodynamics.biot_savart import segment_velocity
 from flapgym.aerodynamics.steady import incidence_downwash, induced_velocity_at
 
@@ -65,6 +71,24 @@ def test_coefficients_come_near_the_published_ones_with_a_long_slow_wake(case):
     # Free wake of five revolutions: Cp 0.52, Ct 0.70; blade-element momentum: 0.488, 0.698.
     assert mean.power_coefficient == pytest.approx(0.52, abs=0.03)
     assert mean.thrust_coefficient == pytest.approx(0.70, abs=0.03)
+
+
+def test_linear_gust_gain_is_the_slope_of_the_mean_loads(case, rotor, mean):
+    """The mean loads under a little more wind, the wake held where it is, against the perturbation model."""
+
+    def under(wind):
+        inflow = replace(rotor.inflow, velocity=np.array([wind, 0.0, 0.0]))
+        return mean_loads(case, replace(rotor, inflow=inflow))
+
+    more, less = under(11.1), under(10.9)
+    circulation = steady_circulation(rotor, gust_downwash(rotor).sum(axis=1, keepdims=True))
+    linear = (rotor.force.sum(axis=0) @ circulation).reshape(-1, 3)
+    # Perturbation loads leave out the mean circulation in the perturbed velocity: 3 % of thrust and root moment.
+    assert 3 * linear[:, 0].sum() == pytest.approx((more.thrust - less.thrust) / 0.2, rel=0.04)
+    moment = (root_moment_load(rotor, case) @ linear.ravel()).item()
+    assert moment == pytest.approx((more.root_moment - less.root_moment) / 0.2, rel=0.04)
+    torque = 3 * np.cross(rotor.force_point, linear).sum(axis=0)[0]
+    assert torque / ((more.torque - less.torque) / 0.2) == pytest.approx(0.58, abs=0.02)
 
 
 def test_pitch_to_feather_takes_load_off(case, mean):

@@ -19,7 +19,7 @@ compare: .venv/with-baselines  ## score every shipped agent: table, results/comp
 	$(BIN)/flapgym compare $(ARGS)
 
 train: .venv/with-train  ## train the PPO and SAC policies (ARGS: configurations)
-	$(BIN)/python -m train.policies $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m train.policies $(ARGS)
 
 test: .venv/with-test  ## run the test suite on all cores (ARGS are pytest's)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m pytest -n auto $(ARGS)
@@ -29,8 +29,8 @@ lint: .venv/with-test  ## check style, format and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: .venv/with-train  ## measure the environment's speed
-	$(BIN)/python -m benchmarks.environment $(ARGS)
+bench: .venv/with-baselines  ## measure the environment's speed on one core beside Pendulum
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.environment $(ARGS)
 
 clean:  ## remove .venv and caches; results stay
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis

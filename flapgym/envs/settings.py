@@ -84,7 +84,8 @@ class Settings:
             target = f"{model.name}-{self.wind_speed:g}mps"
             raise ValueError(
                 f"wind_speed: model {model.name} was built for {model.wind_speed:g} m/s, got {self.wind_speed:g} m/s; "
-                f'write a case file {target}.toml with wind_speed = "{self.wind_speed:g} m/s", then '
+                f'write {target}.toml with base = "nrel5mw-rated", name = "{target}" and in [operating_point] '
+                f'wind_speed = "{self.wind_speed:g} m/s", then '
                 f"`flapgym build {target}.toml --output {target}.safetensors` and pass "
                 f'model="{target}.safetensors"'
             )

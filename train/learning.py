@@ -1,0 +1,151 @@
+"""One training run: environment, learner, progress, and the agent it leaves."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import torch
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecMonitor
+from tqdm import tqdm
+
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.control.policy import Policy
+from flapgym.envs import FlapVectorEnv
+from flapgym.envs.sb3 import FlapVecEnv
+from train.export import exported
+from train.scaling import Scaled, observation_scale
+from train.settings import PPOSettings, SACSettings, Training
+
+ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a run left.
+
+    Attributes
+    ----------
+    policy : Policy
+    record : dict
+        Plain JSON values: settings, seed, steps done, seconds, whether it was interrupted.
+    """
+
+    policy: Policy
+    record: dict[str, Any]
+
+
+def learn(training: Training, model: TurbineModel, seed: int, tensorboard: str | None = None) -> Outcome:
+    """Train one policy. Ctrl-C ends the run early and keeps what was learnt."""
+    # The networks are so small that a second thread costs more than it brings.
+    torch.set_num_threads(1)
+    env = environment(training, model)
+    algorithm = learner(training, env, seed, tensorboard)
+    began, interrupted = time.perf_counter(), False
+    try:
+        algorithm.learn(training.total_steps, callback=Progress(training), tb_log_name=training.name)
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        env.close()
+    record = {
+        "training": asdict(training),
+        "seed": seed,
+        "steps": int(algorithm.num_timesteps),
+        "seconds": round(time.perf_counter() - began, 1),
+        "interrupted": interrupted,
+    }
+    return Outcome(exported(algorithm, training, model), record)
+
+
+def environment(training: Training, model: TurbineModel) -> Scaled:
+    """Turbines side by side, one environment a blade, scaled."""
+    chosen = training.environment
+    vector = FlapVectorEnv(
+        chosen.turbines,
+        autoreset_mode="SameStep",
+        model=model,
+        turbulence_intensity=model.turbulence_intensity,
+        length_scale=model.length_scale,
+        duration=chosen.duration,
+        steps_per_action=chosen.steps_per_action,
+        observe=chosen.observe,
+        flap_angle_weight=chosen.flap_angle_weight,
+    )
+    blades = VecMonitor(FlapVecEnv(vector, per_blade=True))
+    return Scaled(blades, observation_scale(chosen.observe, model), training.discount)
+
+
+def learner(training: Training, env: Scaled, seed: int, tensorboard: str | None) -> BaseAlgorithm:
+    """The Stable-Baselines3 algorithm of a run."""
+    chosen, network = training.algorithm, training.network
+    policy: dict[str, Any] = {
+        "net_arch": list(network.hidden),
+        "activation_fn": ACTIVATIONS[network.activation],
+    }
+    common: dict[str, Any] = {
+        "policy": "MlpPolicy",
+        "env": env,
+        "seed": seed,
+        "device": "cpu",
+        "tensorboard_log": tensorboard,
+        "gamma": chosen.discount,
+        "batch_size": chosen.batch_size,
+    }
+    if isinstance(chosen, PPOSettings):
+        rate = chosen.learning_rate
+        return PPO(
+            **common,
+            learning_rate=lambda left: left * rate,
+            n_steps=chosen.rollout,
+            n_epochs=chosen.epochs,
+            gae_lambda=chosen.trace_decay,
+            clip_range=chosen.clip_range,
+            ent_coef=chosen.entropy_weight,
+            policy_kwargs=policy | {"log_std_init": chosen.initial_log_std},
+        )
+    assert isinstance(chosen, SACSettings)
+    return SAC(
+        **common,
+        learning_rate=chosen.learning_rate,
+        buffer_size=chosen.buffer_size,
+        gradient_steps=chosen.gradient_steps,
+        tau=chosen.target_rate,
+        learning_starts=chosen.warm_up,
+        policy_kwargs=policy,
+    )
+
+
+class Progress(BaseCallback):
+    """A bar over the steps, with the mean reward an action of the episodes that ended last.
+
+    Parameters
+    ----------
+    training : Training
+    """
+
+    def __init__(self, training: Training) -> None:
+        super().__init__()
+        self._training = training
+        self._bar: Any = None
+
+    def _on_training_start(self) -> None:
+        self._bar = tqdm(
+            total=self._training.total_steps, desc=self._training.name, unit="step", unit_scale=True
+        )
+
+    def _on_step(self) -> bool:
+        done = min(self.num_timesteps, self._training.total_steps)
+        self._bar.update(done - self._bar.n)
+        episodes = self.model.ep_info_buffer
+        if episodes:
+            reward = sum(entry["r"] for entry in episodes) / sum(entry["l"] for entry in episodes)
+            self._bar.set_postfix_str(f"reward {reward:.3f} an action", refresh=False)
+        return True
+
+    def _on_training_end(self) -> None:
+        self._bar.close()

@@ -1,0 +1,58 @@
+"""Observations and rewards of order one for the learner; the scales end up in the agent's file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+
+from flapgym.aeroelastic.model import TurbineModel
+
+
+def observation_scale(observe: Sequence[str], model: TurbineModel) -> NDArray[np.float64]:
+    """Factor of each observed quantity of a blade, (n,): moment by its open-loop rms, the flap by its stops."""
+    factors = {
+        "rbm": 1e6 / model.rbm_rms,
+        "flap_angle": 1.0 / model.flap_angle_limit,
+        "flap_rate": 1.0 / model.flap_rate_limit,
+        # The tip goes about a metre where the moment goes its rms.
+        "tip_deflection": 1.0,
+    }
+    return np.array([factors[name] for name in observe])
+
+
+class Scaled(VecEnvWrapper):
+    """Multiplies observations by fixed factors, and rewards by one minus the discount, so that values are of order one.
+
+    Parameters
+    ----------
+    venv : VecEnv
+    scale : (n,) float
+    discount : float
+    """
+
+    def __init__(self, venv: VecEnv, scale: NDArray[np.float64], discount: float) -> None:
+        space = venv.observation_space
+        assert isinstance(space, spaces.Box)
+        self._scale = scale.astype(np.float32)
+        self._reward_scale = np.float32(1.0 - discount)
+        super().__init__(
+            venv, spaces.Box(space.low * self._scale, space.high * self._scale, dtype=np.float32)
+        )
+
+    def reset(self) -> NDArray[np.float32]:
+        """First observations, scaled."""
+        return np.asarray(self.venv.reset()) * self._scale
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Observations and rewards, scaled; also the last ones of ended episodes."""
+        observation, reward, done, infos = self.venv.step_wait()
+        for index in np.flatnonzero(done):
+            infos[index]["terminal_observation"] = infos[index]["terminal_observation"] * self._scale
+        return np.asarray(observation) * self._scale, reward * self._reward_scale, done, infos

@@ -100,52 +100,92 @@ def multiblade_aerodynamics(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """Lattice load f and acceleration d'' at one instant, read off the state x = (d, d', xi) and the inputs e.
+
+    Attributes
+    ----------
+    load_x : (nf, nx), load_e : (nf, nu) float
+    acceleration_x : (n, nx), acceleration_e : (n, nu) float
+    drive_x : (r, nx), drive_e : (r, nu) float
+        The lattice's next state.
+    """
+
+    load_x: Array
+    load_e: Array
+    acceleration_x: Array
+    acceleration_e: Array
+    drive_x: Array
+    drive_e: Array
+
+
+def instant(equations: Equations, aerodynamics: ReducedSystem) -> Instant:
+    """Solve the equation of motion and the lattice for one instant."""
+    structure, asks = equations.structure, equations.lattice_input
+    r = aerodynamics.A.shape[0]
+    load_x = np.hstack([aerodynamics.D @ asks.position, aerodynamics.D @ asks.velocity, aerodynamics.C])
+    load_e = aerodynamics.D @ asks.exogenous
+    elastic = np.hstack([structure.stiffness, structure.damping, np.zeros((structure.mass.shape[0], r))])
+    return Instant(
+        load_x=load_x,
+        load_e=load_e,
+        acceleration_x=np.linalg.solve(structure.mass, structure.work @ load_x - elastic),
+        acceleration_e=np.asarray(np.linalg.solve(structure.mass, structure.work @ load_e)),
+        drive_x=np.hstack([aerodynamics.B @ asks.position, aerodynamics.B @ asks.velocity, aerodynamics.A]),
+        drive_e=aerodynamics.B @ asks.exogenous,
+    )
+
+
+def implicit_part(there: Instant, time_step: float) -> tuple[Array, Array]:
+    """What Newmark's rule asks of the state at the end of a step: left x^{n+1} = (start's part) + ahead e^{n+1}."""
+    half, n = 0.5 * time_step, there.acceleration_x.shape[0]
+    left = np.eye(there.acceleration_x.shape[1])
+    velocity = left[n : 2 * n].copy()
+    left[:n] -= half * velocity
+    left[n : 2 * n] -= half * there.acceleration_x
+    ahead = np.zeros((left.shape[0], there.acceleration_e.shape[1]))
+    ahead[n : 2 * n] = half * there.acceleration_e
+    return left, ahead
+
+
+def explicit_part(here: Instant, time_step: float) -> tuple[Array, Array]:
+    """What the start of a step contributes: right x^n + now e^n."""
+    half, n = 0.5 * time_step, here.acceleration_x.shape[0]
+    eye = np.eye(here.acceleration_x.shape[1])
+    position, velocity = eye[:n], eye[n : 2 * n]
+    right = np.vstack([position + half * velocity, velocity + half * here.acceleration_x, here.drive_x])
+    now = np.vstack([np.zeros_like(here.acceleration_e), half * here.acceleration_e, here.drive_e])
+    return right, now
+
+
+def reading(output: Output, at: Instant) -> tuple[Array, Array]:
+    """The outputs read off the state and the inputs of one instant: (ny, nx) and (ny, nu)."""
+    n = at.acceleration_x.shape[0]
+    eye = np.eye(at.acceleration_x.shape[1])
+    states = (
+        output.acceleration @ at.acceleration_x
+        + output.load @ at.load_x
+        + output.velocity @ eye[n : 2 * n]
+        + output.position @ eye[:n]
+    )
+    return states, output.acceleration @ at.acceleration_e + output.load @ at.load_e
+
+
 def couple(equations: Equations, aerodynamics: ReducedSystem, time_step: float) -> StateSpace:
     """One discrete state space with the states (d, d', xi), d the structure's and xi the lattice's.
 
     The acceleration follows from the equation of motion at each step, so it is no state.
     """
-    dt = time_step
-    structure, lattice_input, output = equations.structure, equations.lattice_input, equations.output
-    n, r = structure.mass.shape[0], aerodynamics.A.shape[0]
-    s_d, s_v, s_e = lattice_input.position, lattice_input.velocity, lattice_input.exogenous
-    a_d, a_e = aerodynamics.D @ s_d, aerodynamics.D @ s_e
-    a_v = aerodynamics.D @ s_v
-    # Rows that give, from x = (d, v, xi) and e: the lattice's load f and the acceleration a.
-    load_x, load_e = np.hstack([a_d, a_v, aerodynamics.C]), a_e
-    elastic = np.hstack([structure.stiffness, structure.damping, np.zeros((n, r))])
-    acceleration_x = np.linalg.solve(structure.mass, structure.work @ load_x - elastic)
-    acceleration_e = np.linalg.solve(structure.mass, structure.work @ load_e)
-
-    half = 0.5 * dt
-    eye = np.eye(2 * n + r)
-    position, velocity = eye[:n], eye[n : 2 * n]
-    left = eye.copy()
-    left[:n] -= half * velocity
-    left[n : 2 * n] -= half * acceleration_x
-    right = np.vstack(
-        [
-            position + half * velocity,
-            velocity + half * acceleration_x,
-            np.hstack([aerodynamics.B @ s_d, aerodynamics.B @ s_v, aerodynamics.A]),
-        ]
-    )
-    now = np.vstack([np.zeros_like(acceleration_e), half * acceleration_e, aerodynamics.B @ s_e])
-    ahead = np.vstack(
-        [np.zeros_like(acceleration_e), half * acceleration_e, np.zeros((r, len(equations.inputs)))]
-    )
-
+    at = instant(equations, aerodynamics)
+    left, ahead = implicit_part(at, time_step)
+    right, now = explicit_part(at, time_step)
     A = np.linalg.solve(left, right)
     jump = np.linalg.solve(left, ahead)  # x = state + jump e: the input's part at n + 1
     B = np.linalg.solve(left, now) + A @ jump
-    read = (
-        output.acceleration @ acceleration_x
-        + output.load @ load_x
-        + output.velocity @ velocity
-        + output.position @ position
-    )
-    direct = output.acceleration @ acceleration_e + output.load @ load_e
-    return StateSpace(A, B, read, direct + read @ jump, dt, equations.inputs, equations.outputs)
+    C, direct = reading(equations.output, at)
+    D = direct + C @ jump
+    return StateSpace(np.asarray(A), np.asarray(B), C, D, time_step, equations.inputs, equations.outputs)
 
 
 def turbine_structure(

@@ -8,15 +8,10 @@ import pytest
 from flapgym.aerodynamics import march, transfer_function
 from flapgym.aerodynamics.downwash import glauert_scale
 from flapgym.aeroelastic import TurbineModel, load_model
-from flapgym.aeroelastic.build import (
-    STAGES,
-    blade_lattice,
-    build_model,
-    open_loop_rms,
-    reduce_component,
-    turbine_equations,
-)
+from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component
+from flapgym.aeroelastic.build import STAGES, build_model, open_loop_rms
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
+from flapgym.aeroelastic.equations import Parts, turbine_equations
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.trim import trim
 from flapgym.reduction import normal_modes
@@ -49,7 +44,7 @@ def exact_response(rotor, modes):
     frequency, shape = normal_modes(blade.mass, blade.stiffness, modes)
     lattice = blade_lattice(CASE, aero, blade, shape)
     support = linear_support(CASE.turbine, CASE.rotor_speed)
-    equations = turbine_equations(CASE, blade, support, frequency, shape, lattice)
+    equations = turbine_equations(Parts(CASE, blade, support, frequency, shape, lattice))
     structure, asks, read = equations.structure, equations.lattice_input, equations.output
     z = np.exp(2j * np.pi * FREQUENCY * DT)
     turn = np.exp(1j * CASE.rotor_speed * DT)

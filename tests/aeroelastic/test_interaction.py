@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from flapgym.aerodynamics import build_aerodynamics, root_moment_load
-from flapgym.aeroelastic.build import blade_lattice, root_moment, tip_deflection
+from flapgym.aeroelastic.blade_lattice import blade_lattice
+from flapgym.aeroelastic.equations import root_moment, tip_deflection
 from flapgym.aeroelastic.interaction import (
     displacement_downwash,
     hub_turn_downwash,

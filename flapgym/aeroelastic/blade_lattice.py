@@ -1,0 +1,98 @@
+"""One blade's lattice as the structure sees it, and its reduction by cyclic component (Section II.D)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flapgym.aerodynamics import Aerodynamics, flap_downwash, gust_downwash, transfer_function
+from flapgym.aeroelastic.interaction import (
+    displacement_downwash,
+    hub_turn_downwash,
+    interpolation,
+    rigid_displacement,
+    velocity_downwash,
+)
+from flapgym.reduction import ReducedSystem, balanced_reduction
+from flapgym.state_space import Array
+from flapgym.structure import LinearBlade
+from flapgym.turbine import Case
+
+_FREQUENCIES = 2048  # roots of unity for the impulse response: at least four times the wake rows
+_SCALING_FREQUENCY = 0.2  # Hz; lattice outputs count by their size here, where turbulence has its energy
+
+
+@dataclass(frozen=True, eq=False)
+class BladeLattice:
+    """One blade's lattice as the structure sees it: named inputs to downwash, Gamma's forces to loads.
+
+    Attributes
+    ----------
+    downwash : (p, 2 m + 10 + strips) float
+        Downwash at the collocation points per unit input: mode rates (m), modes (m), hub velocity (6), hub
+        rotation about y and z (2), flap angle and rate, gust in each spanwise strip.
+    load : (m + 6, 3 P) float
+        Generalised force on the modes, and force and moment on the hub apex, per unit panel force.
+    modes, strips : int
+        m and the number of strips.
+    """
+
+    downwash: Array
+    load: Array
+    modes: int
+    strips: int
+
+    def select(self, *names: str) -> Array:
+        """Columns of the identity that feed the named group of inputs, shape (nu, size of the group)."""
+        m = self.modes
+        bounds = np.cumsum([0, m, m, 6, 2, 1, 1, self.strips])
+        groups = ("mode_rate", "mode", "hub_velocity", "hub_turn", "flap_angle", "flap_rate", "gust")
+        eye = np.eye(bounds[-1])
+        return np.hstack([eye[:, bounds[i] : bounds[i + 1]] for i in map(groups.index, names)])
+
+    @property
+    def motion(self) -> tuple[Array, Array]:
+        """Inputs per held position and per rate of the modes and the hub motion (u, phi), each (nu, m + 6)."""
+        unfelt = np.zeros((self.downwash.shape[1], 4))  # translations, and turning about the shaft
+        held = np.hstack([self.select("mode"), unfelt, self.select("hub_turn")])
+        return held, self.select("mode_rate", "hub_velocity")
+
+
+def blade_lattice(case: Case, aero: Aerodynamics, blade: LinearBlade, shape: Array) -> BladeLattice:
+    """Inputs and outputs of one blade's lattice in the blade's modes ``shape`` (6 n, m)."""
+    collocation = aero.collocation
+    displacement, rotation = interpolation(blade, collocation)
+    force_displacement, _ = interpolation(blade, aero.force_point)
+    angle, rate = flap_downwash(aero, case.flap)
+    gust = gust_downwash(aero)
+    hub = hub_turn_downwash(aero, case.operating_point.wind_speed)
+    downwash = np.hstack(
+        [
+            velocity_downwash(aero, displacement @ shape),
+            displacement_downwash(aero, case.rotor_speed, displacement @ shape, rotation @ shape),
+            velocity_downwash(aero, rigid_displacement(collocation)),
+            hub[:, 1:],  # a turn about the shaft changes nothing
+            angle[:, None],
+            rate[:, None],
+            gust,
+        ]
+    )
+    load = np.vstack([(force_displacement @ shape).T, rigid_displacement(aero.force_point).T])
+    return BladeLattice(downwash, load, modes=shape.shape[1], strips=gust.shape[1])
+
+
+def reduce_component(aero: Aerodynamics, lattice: BladeLattice, component: int, order: int) -> ReducedSystem:
+    """Balanced reduction of one cyclic component of the lattice, scaled to comparable inputs and outputs."""
+    rows = aero.wake_rows
+    if 4 * rows > _FREQUENCIES:
+        raise ValueError(
+            f"discretisation.wake_length: {rows} wake rows, the reduction resolves at most {_FREQUENCIES // 4}; "
+            "shorten the wake or raise the time step"
+        )
+    z = np.exp(2j * np.pi * np.arange(_FREQUENCIES) / _FREQUENCIES)
+    response = transfer_function(aero, component, z, lattice.downwash, lattice.load)
+    input_scale = 1.0 / np.sqrt((lattice.downwash**2).mean(axis=0))
+    at = round(_SCALING_FREQUENCY * aero.time_step * _FREQUENCIES)
+    output_scale = np.sqrt((np.abs(response[at] * input_scale) ** 2).mean(axis=1))
+    return balanced_reduction(response, order, input_scale, output_scale, real=component == 0)

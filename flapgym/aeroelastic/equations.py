@@ -1,0 +1,207 @@
+"""Equations of motion of the turbine and of one blade in their modes, with what they ask of the lattice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flapgym.aeroelastic.blade_lattice import BladeLattice
+from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, turbine_structure
+from flapgym.aeroelastic.model import BLADE_INPUTS, BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS
+from flapgym.aeroelastic.multiblade import WORK_WEIGHTS, hub_components
+from flapgym.aeroelastic.periodic import PeriodicEquations
+from flapgym.reduction import normal_modes
+from flapgym.state_space import Array
+from flapgym.structure import LinearBlade, LinearSupport
+from flapgym.turbine import Case
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What a turbine is coupled from.
+
+    Attributes
+    ----------
+    case : Case
+    blade : LinearBlade
+        Of n elements, about the trim.
+    support : LinearSupport
+    frequency, shape : (m,), (6 n, m) float
+        The blade's modes kept [rad/s], mass-normalised.
+    lattice : BladeLattice
+        Its lattice in those modes.
+    """
+
+    case: Case
+    blade: LinearBlade
+    support: LinearSupport
+    frequency: Array
+    shape: Array
+    lattice: BladeLattice
+
+
+def turbine_equations(parts: Parts) -> Equations:
+    """The whole turbine in multi-blade coordinates."""
+    lattice, speed, m = parts.lattice, parts.case.rotor_speed, parts.lattice.modes
+    hub = hub_components()
+    modal_support, support_shape = modal_support_matrices(parts)
+    t = support_shape.shape[1]
+    components = np.zeros((3, m + 6, 3 * m + t))
+    for i in range(3):
+        components[i, :m, i * m : (i + 1) * m] = np.eye(m)
+        components[i, m:, 3 * m :] = hub[i] @ parts.support.hub @ support_shape
+    own = modal_blade_matrices(parts)
+    structure, rate, acceleration = turbine_structure(own, modal_support, components, speed)
+    T = components.reshape(-1, structure.mass.shape[0])
+
+    held, moving = lattice.motion
+    three = np.eye(3)
+    gust = np.kron(three[:, :1], lattice.select("gust").sum(axis=1, keepdims=True))
+    lattice_input = LatticeInput(
+        position=np.kron(three, held) @ T + np.kron(three, moving) @ rate,
+        velocity=np.asarray(np.kron(three, moving) @ T),
+        exogenous=np.hstack(
+            [
+                np.kron(three, lattice.select("flap_angle")),
+                np.kron(three, lattice.select("flap_rate")),
+                gust,
+            ]
+        ),
+    )
+    root = np.kron(three, root_moment(parts.blade, m))
+    mass, damping, stiffness = (np.kron(three, matrix) for matrix in own)
+    tip = np.kron(three, tip_deflection(parts.case, parts.shape))
+    tower = (parts.support.tower_top @ support_shape)[:2]
+    quiet = np.zeros((5, T.shape[1]))
+    output = Output(
+        acceleration=np.vstack([-root @ mass @ T, quiet]),
+        velocity=np.vstack([-root @ (mass @ acceleration[0] + damping @ T), quiet]),
+        position=np.vstack(
+            [
+                -root @ (mass @ acceleration[1] + damping @ rate + stiffness @ T),
+                tip @ T,
+                np.hstack([np.zeros((2, 3 * m)), tower]),
+            ]
+        ),
+        load=np.vstack([root, np.zeros((5, root.shape[1]))]),
+    )
+    return Equations(structure, lattice_input, output, TURBINE_INPUTS, TURBINE_OUTPUTS)
+
+
+def blade_equations(parts: Parts) -> Equations:
+    """One blade clamped at its root, rotating alone: the paper's design model (Section IV.C)."""
+    lattice, m = parts.lattice, parts.lattice.modes
+    own = modal_blade_matrices(parts)
+    clamp = np.eye(m + 6)[:, :m]
+    mass, damping, stiffness = (matrix @ clamp for matrix in own)
+    root = root_moment(parts.blade, m)
+    tip = tip_deflection(parts.case, parts.shape)
+    still = np.zeros((1, m))
+    return Equations(
+        SecondOrder(mass[:m], damping[:m], stiffness[:m], work=clamp.T),
+        LatticeInput(
+            position=lattice.select("mode"),
+            velocity=lattice.select("mode_rate"),
+            exogenous=np.hstack(
+                [
+                    lattice.select("flap_angle", "flap_rate"),
+                    lattice.select("gust").sum(axis=1, keepdims=True),
+                ]
+            ),
+        ),
+        Output(
+            acceleration=np.vstack([-root @ mass, still]),
+            velocity=np.vstack([-root @ damping, still]),
+            position=np.vstack([-root @ stiffness, tip @ clamp]),
+            load=np.vstack([root, np.zeros_like(root)]),
+        ),
+        BLADE_INPUTS,
+        BLADE_OUTPUTS,
+    )
+
+
+def periodic_equations(
+    parts: Parts, flap_effectiveness: tuple[float, float, float] = (1.0, 1.0, 1.0)
+) -> PeriodicEquations:
+    """The whole turbine by azimuth, its blades in their own frames; each blade's flap may act differently.
+
+    Parameters
+    ----------
+    parts : Parts
+    flap_effectiveness : three floats
+        Factors on the flaps of blades 1 to 3.
+    """
+    lattice = parts.lattice
+    support, support_shape = modal_support_matrices(parts)
+    held, moving = lattice.motion
+    each = np.array(flap_effectiveness)
+    return PeriodicEquations(
+        blades=(modal_blade_matrices(parts),) * 3,
+        support=support,
+        hub=parts.support.hub @ support_shape,
+        tower_top=(parts.support.tower_top @ support_shape)[:2],
+        held=held,
+        moving=moving,
+        flap_angle=lattice.select("flap_angle") * each,
+        flap_rate=lattice.select("flap_rate") * each,
+        gust=lattice.select("gust").sum(axis=1),
+        root=root_moment(parts.blade, lattice.modes)[0],
+        tip=tip_deflection(parts.case, parts.shape)[0],
+        rotor_speed=parts.case.rotor_speed,
+    )
+
+
+def modal_blade_matrices(parts: Parts) -> tuple[Array, Array, Array]:
+    """Mass, damping and stiffness (m + 6, m + 6) of one blade in its modes and the motion of its hub (eq. 2).
+
+    Structural damping is modal, the documented share of critical for every mode.
+    """
+    blade, shape, m = parts.blade, parts.shape, parts.lattice.modes
+    mass = np.block([[np.eye(m), shape.T @ blade.mass_sr], [blade.mass_rs @ shape, blade.mass_rr]])
+    modal = np.diag(2.0 * parts.case.turbine.blade_damping_ratio * parts.frequency)
+    damping = np.block(
+        [
+            [shape.T @ blade.damping @ shape + modal, shape.T @ blade.damping_sr],
+            [blade.damping_rs @ shape, blade.damping_rr],
+        ]
+    )
+    stiffness = np.zeros_like(mass)
+    stiffness[:m, :m] = shape.T @ blade.stiffness @ shape
+    stiffness[m:, :m] = blade.stiffness_rs @ shape
+    return mass, damping, stiffness
+
+
+def modal_support_matrices(parts: Parts) -> tuple[tuple[Array, Array, Array], Array]:
+    """Mass, damping, stiffness (t, t) of the support in its modes, and those modes (N, t).
+
+    The modes carry the rotor as a rigid body on the hub, so that few of them suffice once the blades move.
+    """
+    case, support = parts.case, parts.support
+    hub = hub_components() @ support.hub
+    rotor = sum(w * part.T @ parts.blade.mass_rr @ part for w, part in zip(WORK_WEIGHTS, hub, strict=True))
+    frequency, shape = normal_modes(support.mass + rotor, support.stiffness, case.reduction.tower_modes)
+    modal = np.diag(2.0 * case.turbine.tower_damping_ratio * frequency)
+    mass, damping, stiffness = (
+        shape.T @ matrix @ shape for matrix in (support.mass, support.damping, support.stiffness)
+    )
+    return (mass, damping + modal, stiffness), shape
+
+
+def root_moment(blade: LinearBlade, modes: int) -> Array:
+    """Row (1, m + 6) that takes the flapwise root moment out of loads on (modes, hub apex).
+
+    Force summation: load minus inertia, moved from the apex to the root node, about the in-plane axis y of the
+    coned, untwisted blade.
+    """
+    x, _, z = blade.position[0]
+    row = np.zeros((1, modes + 6))
+    row[0, modes:] = [-z, 0.0, x, 0.0, 1.0, 0.0]  # M_y - (r x F)_y, (r x F)_y = z F_x - x F_z
+    return row
+
+
+def tip_deflection(case: Case, shape: Array) -> Array:
+    """Row (1, m + 6) for the tip's deflection normal to the coned, undeflected blade, downwind."""
+    cone = case.turbine.rotor.precone
+    flapwise = np.array([np.cos(cone), 0.0, np.sin(cone)])
+    return np.hstack([flapwise @ shape[-6:-3], np.zeros(6)])[None]

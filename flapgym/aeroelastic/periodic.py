@@ -1,0 +1,224 @@
+"""The paper's own form of the turbine: eq. 14 with a state matrix A(theta) that follows the azimuth.
+
+Blades keep their own rotating frames and may differ; tower, nacelle and shaft stand in the fixed frame. The six
+multipliers of the joint are eliminated with the rotor's velocities, nu = A_CC(theta)^T Lambda x_t', which the
+structure's own tests hold to the multiplier form. For equal blades the
+multi-blade form (``coupling``) is the same turbine with a constant A, and the two differ by the order dt^2 of
+Newmark's rule, which they apply in different coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from flapgym.aeroelastic.coupling import (
+    Equations,
+    LatticeInput,
+    Output,
+    SecondOrder,
+    explicit_part,
+    implicit_part,
+    instant,
+    reading,
+)
+from flapgym.aeroelastic.multiblade import BLADES, blade_azimuths, derivative_coupling, hub_components
+from flapgym.reduction import ReducedSystem
+from flapgym.state_space import Array
+
+# Of blade signals in the order of the blades, per component (0, c, s) seen on the rotor itself.
+_ON_ROTOR = np.array([[1.0, np.cos(angle), np.sin(angle)] for angle in blade_azimuths(0.0)])
+
+
+PERIODIC_INPUTS = (*(f"flap_angle_{b}" for b in (1, 2, 3)), *(f"flap_rate_{b}" for b in (1, 2, 3)), "wind")
+PERIODIC_OUTPUTS = (
+    *(f"rbm_{b}" for b in (1, 2, 3)),
+    *(f"tip_deflection_{b}" for b in (1, 2, 3)),
+    "tower_fore_aft",
+    "tower_side_side",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicModel:
+    """x^{n+1} = A(theta_n) x^n + B(theta_n) u^n, y^n = C(theta_n) x^n + D(theta_n) u^n.
+
+    Attributes
+    ----------
+    A : (k, n, n), B : (k, n, nu), C : (k, ny, n), D : (k, ny, nu) float
+        Matrices for the steps that begin at the azimuths 2 pi i / k, i = 0 .. k - 1.
+    time_step, rotor_speed : float
+        [s, rad/s].
+    inputs, outputs : tuple of str
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    time_step: float
+    rotor_speed: float
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    def simulate(self, u: Array, azimuth: float, refresh: int = 1) -> Array:
+        """Outputs (T, ny) for inputs u (T, nu) from rest.
+
+        Parameters
+        ----------
+        u : (T, nu) float
+        azimuth : float
+            Of blade 1 at the first step [rad].
+        refresh : int
+            Steps after which A and B are looked up anew; the paper takes five.
+        """
+        entries = len(self.A)
+        x, y = np.zeros(self.A.shape[1]), np.empty((len(u), len(self.outputs)))
+        step = self.rotor_speed * self.time_step
+        for n, now in enumerate(u):
+            at = round((azimuth + n * step) / (2.0 * np.pi) * entries) % entries
+            if n % refresh == 0:
+                held = at
+            y[n] = self.C[at] @ x + self.D[at] @ now
+            x = self.A[held] @ x + self.B[held] @ now
+        return y
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicEquations:
+    """Equations of motion in d = (a_1, a_2, a_3, x_t) by azimuth; call with an azimuth [rad].
+
+    Attributes
+    ----------
+    blades : sequence of three (mass, damping, stiffness), each (m + 6, m + 6)
+        Of each blade in its modes and its hub motion (eq. 2).
+    support : (mass, damping, stiffness), each (t, t)
+    hub : (6, t) float
+        Hub motion in the fixed frame per support mode.
+    tower_top : (2, t) float
+        Displacement downwind and sideways per support mode.
+    held, moving : (nu, m + 6) float
+        Lattice inputs of a blade per held position and per rate of its modes and its hub.
+    flap_angle, flap_rate : (nu, 3) float
+        Lattice inputs of each blade per flap angle and rate: blades may have unequal flaps.
+    gust : (nu,) float
+        Lattice inputs of a blade per homogeneous wind.
+    root, tip : (m + 6,) float
+        Flapwise root moment per load on (modes, hub); tip deflection per (modes, hub).
+    rotor_speed : float
+        [rad/s].
+    """
+
+    blades: Sequence[tuple[Array, Array, Array]]
+    support: tuple[Array, Array, Array]
+    hub: Array
+    tower_top: Array
+    held: Array
+    moving: Array
+    flap_angle: Array
+    flap_rate: Array
+    gust: Array
+    root: Array
+    tip: Array
+    rotor_speed: float
+
+    def __call__(self, azimuth: float) -> Equations:
+        """Equations with the joint at an azimuth."""
+        T, turning = self._kinematics(azimuth)
+        mass, damping, stiffness = (scipy.linalg.block_diag(*part) for part in zip(*self.blades, strict=True))
+        moves = damping @ T + mass @ turning
+        t, nd = self.support[0].shape[0], T.shape[1]
+        own = [np.zeros((nd, nd)) for _ in range(3)]
+        for matrix, part in zip(own, self.support, strict=True):
+            matrix[nd - t :, nd - t :] = part
+        size = self.held.shape[1]
+        # The lattice speaks in components on the rotor; blades in their own signals.
+        spread = np.kron(_ON_ROTOR, np.eye(size))
+        gather = np.kron(np.linalg.inv(_ON_ROTOR), np.eye(self.held.shape[0]))
+        flap = [
+            scipy.linalg.block_diag(*(column[:, None] for column in part.T))
+            for part in (self.flap_angle, self.flap_rate)
+        ]
+        each = np.eye(BLADES)
+        root = np.kron(each, self.root)
+        quiet = np.zeros((BLADES + 2, nd))
+        return Equations(
+            SecondOrder(
+                T.T @ mass @ T + own[0], T.T @ moves + own[1], T.T @ stiffness @ T + own[2], T.T @ spread
+            ),
+            LatticeInput(
+                position=gather @ np.kron(each, self.held) @ T,
+                velocity=gather @ np.kron(each, self.moving) @ T,
+                exogenous=gather @ np.hstack([*flap, np.tile(self.gust, BLADES)[:, None]]),
+            ),
+            Output(
+                acceleration=np.vstack([-root @ mass @ T, quiet]),
+                velocity=np.vstack([-root @ moves, quiet]),
+                position=np.vstack(
+                    [
+                        -root @ stiffness @ T,
+                        np.kron(each, self.tip) @ T,
+                        np.hstack([np.zeros((2, nd - t)), self.tower_top]),
+                    ]
+                ),
+                load=np.vstack([root @ spread, np.zeros((BLADES + 2, spread.shape[1]))]),
+            ),
+            PERIODIC_INPUTS,
+            PERIODIC_OUTPUTS,
+        )
+
+    def _kinematics(self, azimuth: float) -> tuple[Array, Array]:
+        """T and its part of the acceleration: blades' (a, h) rates are T d', accelerations T d'' + turning d'."""
+        modes, t = self.held.shape[1] - 6, self.hub.shape[1]
+        T = np.zeros((BLADES, modes + 6, BLADES * modes + t))
+        turning = np.zeros_like(T)
+        components = hub_components()
+        rate = derivative_coupling(self.rotor_speed)
+        for b, angle in enumerate(blade_azimuths(azimuth)):
+            T[b, :modes, b * modes : (b + 1) * modes] = np.eye(modes)
+            basis = np.array([1.0, np.cos(angle), np.sin(angle)])
+            T[b, modes:, BLADES * modes :] = np.tensordot(basis, components, 1) @ self.hub
+            turning[b, modes:, BLADES * modes :] = np.tensordot(basis @ rate, components, 1) @ self.hub
+        return T.reshape(-1, T.shape[2]), turning.reshape(-1, T.shape[2])
+
+
+def periodic_model(
+    equations: PeriodicEquations, aerodynamics: ReducedSystem, time_step: float, entries: int
+) -> PeriodicModel:
+    """Table of eq. 14 over one revolution.
+
+    Parameters
+    ----------
+    equations : PeriodicEquations
+    aerodynamics : ReducedSystem
+        The lattice seen on the rotor, real, in the components (0, c, s) of the blades' fixed angles:
+        ``multiblade_aerodynamics`` at rotor speed zero.
+    time_step : float
+        [s].
+    entries : int
+        Azimuths in the table; a step leads from each to the azimuth one time step later.
+    """
+    steps = [
+        step_matrices(equations, aerodynamics, time_step, azimuth)
+        for azimuth in 2.0 * np.pi * np.arange(entries) / entries
+    ]
+    A, B, C, D = (np.stack(matrices) for matrices in zip(*steps, strict=True))
+    return PeriodicModel(A, B, C, D, time_step, equations.rotor_speed, PERIODIC_INPUTS, PERIODIC_OUTPUTS)
+
+
+def step_matrices(
+    equations: PeriodicEquations, aerodynamics: ReducedSystem, time_step: float, azimuth: float
+) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D of eq. 14 for the step that begins at an azimuth [rad]."""
+    before, after = equations(azimuth), equations(azimuth + equations.rotor_speed * time_step)
+    here, there = instant(before, aerodynamics), instant(after, aerodynamics)
+    right, now = explicit_part(here, time_step)
+    left, _ = implicit_part(there, time_step)
+    jump = np.linalg.solve(*implicit_part(here, time_step))
+    A = np.linalg.solve(left, right)
+    C, direct = reading(before.output, here)
+    B = np.linalg.solve(left, now) + A @ jump
+    return np.asarray(A), np.asarray(B), C, direct + C @ jump

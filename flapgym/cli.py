@@ -7,6 +7,8 @@ refused at the door costs one line on standard error and exit code 2, and nothin
 from __future__ import annotations
 
 import argparse
+import importlib.util
+import json
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -23,6 +25,9 @@ from flapgym.aeroelastic.build import STAGES, build_model
 from flapgym.control import AGENT_NAMES
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
 from flapgym.state_space import StateSpace
+from flapgym.structure.mode_plot import plot_modes
+from flapgym.structure.modes import modes_table
+from flapgym.structure.report import describe_modes
 from flapgym.turbine import load_case
 
 # What a command's door returns when all is well: the work, which returns the exit code.
@@ -112,6 +117,31 @@ def _parser() -> argparse.ArgumentParser:
         help="a case's TOML file, or a built-in one; default: %(default)s",
     )
 
+    sub = command("modes", _modes, "print the turbine's natural modes beside Table 1 of the paper")
+    sub.add_argument(
+        "config",
+        metavar="CONFIG",
+        nargs="?",
+        default="nrel5mw-rated",
+        help="a case's TOML file, or a built-in one; default: %(default)s",
+    )
+    sub.add_argument(
+        "--blade-elements",
+        type=int,
+        metavar="N",
+        help="12 (the paper's Table 2) or 48 (all documented stations); default: the case's",
+    )
+    sub.add_argument("--rotating", action="store_true", help="the turning rotor, not the parked one")
+    sub.add_argument("--json", action="store_true", help="print a list of modes in JSON, frequencies in Hz")
+    sub.add_argument(
+        "--plot",
+        metavar="FILE",
+        nargs="?",
+        type=Path,
+        const=Path("modes.png"),
+        help="draw the parked turbine's mode shapes to a file; default: %(const)s",
+    )
+
     sub = command("info", _info, "say what a model holds")
     sub.add_argument(
         "model",
@@ -175,6 +205,34 @@ def _aero(options: argparse.Namespace) -> Work:
     return work
 
 
+def _modes(options: argparse.Namespace) -> Work:
+    case = load_case(options.config)
+    turbine = case.turbine
+    elements = (
+        case.discretisation.blade_elements if options.blade_elements is None else options.blade_elements
+    )
+    turbine.blade_sections(elements)  # refuses a number of elements it has no sections for
+    speed = case.rotor_speed if options.rotating else 0.0
+    if options.plot is not None:
+        if options.rotating:
+            raise ValueError("--plot: draws the parked turbine; leave out --rotating")
+        if importlib.util.find_spec("matplotlib") is None:
+            raise ValueError("--plot: matplotlib is not installed (pip install flapgym[baselines])")
+        _check_writable(options.plot, "--plot")
+
+    def work() -> int:
+        if options.json:
+            print(json.dumps(modes_table(turbine, elements, speed), indent=2))
+        else:
+            print(describe_modes(turbine, elements, speed))
+        if options.plot is not None:
+            plot_modes(turbine, options.plot, elements)
+            print(f"wrote {options.plot}", file=sys.stderr)
+        return 0
+
+    return work
+
+
 def _info(options: argparse.Namespace) -> Work:
     model = load_model(options.model)
 
@@ -185,17 +243,17 @@ def _info(options: argparse.Namespace) -> Work:
     return work
 
 
-def _check_writable(target: Path) -> None:
+def _check_writable(target: Path, option: str = "--output") -> None:
     """Refuse an output file that could not be written at the end."""
     if target.is_dir():
-        raise ValueError(f"--output: expected a file, got the folder {target}")
+        raise ValueError(f"{option}: expected a file, got the folder {target}")
     if not target.parent.is_dir():
-        raise ValueError(f"--output: no folder {target.parent}; make it first")
+        raise ValueError(f"{option}: no folder {target.parent}; make it first")
     try:
         with tempfile.TemporaryFile(dir=target.parent):
             pass
     except OSError as error:
-        raise ValueError(f"--output: cannot write in {target.parent} ({error.strerror})") from None
+        raise ValueError(f"{option}: cannot write in {target.parent} ({error.strerror})") from None
 
 
 def describe(model: TurbineModel) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.structure.blade import linear_blade
+from flapgym.structure.blade import blade_beam
 from flapgym.structure.modes import Mode, named_modes
 from flapgym.structure.rotation import Array, about_x
 from flapgym.structure.support import LinearSupport, linear_support
@@ -19,7 +19,7 @@ SWING = 15.0
 
 def turbine_lines(turbine: Turbine, elements: int, mode: Mode | None = None) -> list[Array]:
     """Tower, shaft and blades as lines (points, 3) [m] in the tower frame, at rest or swung out in a parked mode."""
-    support, blade = linear_support(turbine), linear_blade(turbine, elements)
+    support, reference = linear_support(turbine), blade_beam(turbine, elements).reference
     size = 6 * elements
     shape = np.zeros(3 * size + support.mass.shape[0]) if mode is None else mode.shape
     tower, hub = support.tower_position, support.hub @ shape[3 * size :]
@@ -30,7 +30,7 @@ def turbine_lines(turbine: Turbine, elements: int, mode: Mode | None = None) -> 
     for index in range(turbine.rotor.blade_count):
         turn = about_x(2.0 * np.pi * index / turbine.rotor.blade_count)
         own = np.vstack([np.zeros(3), shape[index * size : (index + 1) * size].reshape(-1, 6)[:, :3]])
-        points = blade.position @ turn.T
+        points = reference.position @ turn.T
         moved = own @ turn.T + hub[:3] + np.cross(hub[3:], points)
         lines.append(support.apex + points @ support.shaft_axes.T)
         moves.append(moved @ support.shaft_axes.T)

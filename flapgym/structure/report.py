@@ -1,0 +1,37 @@
+"""The turbine's natural modes as text, beside what FAST, ADAMS and the paper give in Table 1."""
+
+from __future__ import annotations
+
+from flapgym.structure.modes import SECOND_DRIVETRAIN, modes_table, named_modes
+from flapgym.turbine import Turbine
+
+FIGURE_9 = 2.316  # Hz, the paper's second drivetrain torsion, 48 elements a blade
+
+
+def describe_modes(turbine: Turbine, elements: int, rotor_speed: float = 0.0) -> str:
+    """Table of natural frequencies, parked with the published ones or, with a rotor speed [rad/s], turning."""
+    if rotor_speed:
+        rows = modes_table(turbine, elements, rotor_speed)
+        head = f"{turbine.name}, turning at {rotor_speed:.4f} rad/s, {elements} elements a blade; undamped, no wind"
+        lines = [
+            f"{row['mode']:<36}{row['frequency']:9.4f}"
+            for row in sorted(rows, key=lambda row: row["frequency"])
+        ]
+        return "\n".join([head, "", f"{'mode seen from the tower':<36}{'Hz':>9}", *lines])
+    head = f"{turbine.name}, parked with blade 1 up, {elements} elements a blade; undamped, frequencies in Hz"
+    lines = [
+        head,
+        "",
+        f"{'mode':<36}{'here':>9}{'paper':>9}{'error':>9}{'FAST':>9}{'error':>9}{'ADAMS':>9}{'error':>9}",
+    ]
+    for row in modes_table(turbine, elements):
+        cells = "".join(
+            f"{row[source]:9.3f}{row['frequency'] / row[source] - 1.0:+9.2%}"
+            for source in ("paper", "fast", "adams")
+        )
+        lines.append(f"{row['mode']:<36}{row['frequency']:9.4f}{cells}")
+    second = next(mode for mode in named_modes(turbine, elements) if mode.name == SECOND_DRIVETRAIN)
+    lines.append(
+        f"{second.name:<36}{second.frequency:9.4f}   not in Table 1; the paper's Figure 9 labels it {FIGURE_9}"
+    )
+    return "\n".join(lines)

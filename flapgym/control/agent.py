@@ -64,7 +64,7 @@ class OpenLoop:
 
     name = "open_loop"
     observe: tuple[str, ...] = ("rbm",)
-    steps_per_action = 1
+    steps_per_action = 10  # doing nothing is the same at any interval, and quicker at a long one
     model_hash: str | None = None
 
     def predict(

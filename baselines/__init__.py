@@ -1,0 +1,1 @@
+"""Programs that tune and report the paper's controllers (section IV.C)."""

@@ -1,0 +1,71 @@
+"""What `configs/tuning.toml` says, read strictly: an unknown or missing key is refused by its name."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from dataclasses import dataclass
+from typing import Annotated
+
+from flapgym.evaluation import SCORED_SEED
+from flapgym.turbine.fields import Count, Quantity, check_fields, read
+
+
+@dataclass(frozen=True)
+class LQGCandidate:
+    """Weights of an LQG but that on the root bending moment, which the tuning finds."""
+
+    flap_angle: Annotated[float, Quantity("number", above=0.0)]
+    acceleration: Annotated[float, Quantity("number", above=0.0)]
+    measurement_noise: Annotated[float, Quantity("number", above=0.0)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "lqg")
+
+
+@dataclass(frozen=True)
+class PDCandidate:
+    """A PD controller but for its gain, which the tuning finds."""
+
+    derivative_time: Annotated[float, Quantity("time", at_least=0.0)]
+    filter_time: Annotated[float, Quantity("time", above=0.0)]
+    servo_frequency: Annotated[float, Quantity("angular rate", above=0.0)]
+    servo_damping: Annotated[float, Quantity("number", above=0.0)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "pd")
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Realisations, margin and candidates."""
+
+    seed: Annotated[int, Count(at_least=0)]
+    realisations: Annotated[int, Count(at_least=2, at_most=1000)]
+    margin: Annotated[float, Quantity("number", at_least=1.0, below=8.0)]
+    lqg: tuple[LQGCandidate, ...]
+    lqg_saturating: tuple[LQGCandidate, ...]
+    pd: tuple[PDCandidate, ...]
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.seed < SCORED_SEED + 1000 and self.seed + self.realisations > SCORED_SEED:
+            raise ValueError(
+                f"seed: tuning realisations must not be scored ones ({SCORED_SEED} and the next thousand), "
+                f"got {self.seed}"
+            )
+
+
+def load_tuning(path: str | os.PathLike[str]) -> Tuning:
+    """Read a tuning file.
+
+    Raises
+    ------
+    ValueError, OSError
+        Naming the file and the field.
+    """
+    with open(path, "rb") as file:
+        try:
+            return read(Tuning, tomllib.load(file))
+        except (ValueError, tomllib.TOMLDecodeError) as error:
+            raise ValueError(f"{path}: {error}") from None

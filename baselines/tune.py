@@ -1,0 +1,107 @@
+"""Tune PD, LQG and the saturating LQG on a model and save them as agents: `python -m baselines.tune --help`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from baselines.settings import load_tuning
+from baselines.tuning import Bench, Tuned, tune_lqg, tune_pd, tune_saturating
+from flapgym.aeroelastic.model import load_model
+from flapgym.control import save_agent
+from flapgym.evaluation import writable_folder
+from flapgym.evaluation.compare import PAPER_LENGTH
+
+CONFIG = Path(__file__).parents[1] / "configs" / "tuning.toml"
+
+CONTROLLERS: dict[str, tuple[Callable[[Bench], Tuned], str]] = {
+    "pd": (tune_pd, "PD on each blade's root bending moment, gain raised until the flap just meets its stop"),
+    "lqg": (
+        tune_lqg,
+        "LQG of the clamped blade, weight raised until the flap just meets its stop (the paper's rule)",
+    ),
+    "lqg_saturating": (
+        tune_saturating,
+        "LQG of the clamped blade, as heavy as the margin allows, stops in the loop",
+    ),
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; return the exit code: 0, or 2 for bad input."""
+    options = _parser().parse_args(arguments)
+    try:
+        unknown = [name for name in options.controllers if name not in CONTROLLERS]
+        if unknown:
+            raise ValueError(f"{unknown[0]}: unknown controller; expected some of {', '.join(CONTROLLERS)}")
+        model = load_model(options.model)
+        tuning = load_tuning(options.config)
+        folder = writable_folder(options.output)
+    except (ValueError, OSError) as error:
+        print(f"baselines.tune: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    duration = PAPER_LENGTH * model.length_scale / model.wind_speed
+    # How many designs a rule tries is not known beforehand: the bar counts them.
+    with tqdm(unit=" designs", bar_format="{desc:<16} {n_fmt}{unit} tried, {elapsed}") as bar:
+
+        def advanced(name: str) -> None:
+            bar.set_description_str(name, refresh=False)
+            bar.update()
+
+        bench = Bench(model, tuning, duration, advanced)
+        for name in options.controllers:
+            tune, description = CONTROLLERS[name]
+            try:
+                tuned = tune(bench)
+            except ValueError as error:
+                bar.close()
+                print(f"baselines.tune: {name}: {error}", file=sys.stderr)
+                return 2
+            save_agent(folder / f"{name}.json", tuned.agent, model, description, tuned.design)
+            tqdm.write(report(name, tuned))
+    return 0
+
+
+def report(name: str, tuned: Tuned) -> str:
+    """One paragraph on a tuned controller."""
+    design = tuned.design
+    numbers = {key: value for key, value in design.items() if key not in _FOUND}
+    return "\n".join(
+        [
+            f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in numbers.items()),
+            f"  full closed loop: spectral radius {design['spectral_radius']:.6f}, stable up to "
+            f"{design['effectiveness_margin']:.2f} times the flap's effect",
+            f"  tuning realisations: RBM rms {design['tuning_rbm_rms'] / 1e6:.3f} MN m, flap at most "
+            f"{np.rad2deg(design['tuning_flap_angle_max']):.2f} deg and "
+            f"{np.rad2deg(design['tuning_flap_rate_max']):.1f} deg/s",
+        ]
+    )
+
+
+_FOUND = (
+    "spectral_radius",
+    "effectiveness_margin",
+    "tuning_rbm_rms",
+    "tuning_flap_angle_max",
+    "tuning_flap_rate_max",
+)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m baselines.tune", description=__doc__.split(":")[0] + ".")
+    parser.add_argument("controllers", nargs="*", default=list(CONTROLLERS), help="which (default: all)")
+    parser.add_argument("--model", default="nrel5mw-rated", help="a model's name or file")
+    parser.add_argument(
+        "--config", type=Path, default=CONFIG, help="the tuning file (default: configs/tuning.toml)"
+    )
+    parser.add_argument("--output", type=Path, default=Path("results/agents"), help="folder for the agents")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,236 @@
+"""The rules by which PD and LQG are tuned; every design is judged on the whole turbine (paper section IV.C)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from baselines.settings import LQGCandidate, PDCandidate, Tuning
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.control import (
+    BladeController,
+    PDGains,
+    Stability,
+    Weights,
+    closed_loop,
+    lqg_agent,
+    pd_agent,
+    stability,
+    stationary_rms,
+)
+from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
+from flapgym.evaluation import Metrics, measure, simulate
+
+FREE = 100.0
+"""Factor on the flap's stops that takes them out of the way while the rule asks how far the flap wants to go."""
+PEAK_FACTOR = 4.0
+"""First guess of the largest angle over its rms; a Gaussian signal of some thousand independent swings."""
+TOLERANCE = 0.005
+"""How closely the largest angle is brought to its stop."""
+
+Design = Callable[[float], BladeController]
+"""A controller from the one number the rule raises."""
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A controller and what was found about it on the tuning realisations.
+
+    Attributes
+    ----------
+    agent : BladeController
+    design : dict
+        Weights or gains, margin and measured values, plain numbers.
+    """
+
+    agent: BladeController
+    design: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """The turbine and the realisations designs are tried on.
+
+    Attributes
+    ----------
+    model : TurbineModel
+    tuning : Tuning
+    duration : float
+        Of a realisation [s].
+    advanced : callable
+        Told of every design tried, for a progress bar.
+    """
+
+    model: TurbineModel
+    tuning: Tuning
+    duration: float
+    advanced: Callable[[str], None]
+
+    def measure(self, agent: BladeController, free: bool = False) -> Metrics:
+        """Metrics on the tuning realisations; `free` takes the stops of angle and rate out of the way."""
+        self.advanced(agent.name)
+        model = self.model
+        if free:
+            model = replace(
+                model,
+                flap_angle_limit=FREE * model.flap_angle_limit,
+                flap_rate_limit=FREE * model.flap_rate_limit,
+            )
+        first = self.tuning.seed
+        return measure(simulate(agent, model, range(first, first + self.tuning.realisations), self.duration))
+
+    def stroke(self, agent: BladeController) -> float:
+        """Largest use of the stops the controller would make: of the angle's or of the rate's, whichever is more."""
+        free = self.measure(agent, free=True)
+        angle = free.flap_angle_max.max() / self.model.flap_angle_limit
+        return float(max(angle, free.flap_rate_max.max() / self.model.flap_rate_limit))
+
+
+def tune_lqg(bench: Bench) -> Tuned:
+    """The paper's rule, with the first candidate that has the margin."""
+    found = []
+    for candidate in bench.tuning.lqg:
+
+        def design(weight: float, candidate: LQGCandidate = candidate) -> BladeController:
+            return lqg_agent("lqg", bench.model, _weights(candidate, weight))
+
+        weight = meet_the_stops(bench, design, 1e-3)
+        if weight is None:
+            continue
+        agent = design(weight)
+        judged = stability(bench.model, agent.system)
+        found.append(judged.effectiveness_margin)
+        if judged.effectiveness_margin >= bench.tuning.margin:
+            return _tuned(bench, agent, judged, asdict(_weights(candidate, weight)))
+    raise ValueError(
+        f"lqg: no candidate reaches the stops with a margin of {bench.tuning.margin} (margins found: {found}); "
+        "add one with more measurement noise"
+    )
+
+
+def tune_saturating(bench: Bench) -> Tuned:
+    """The heaviest weight the margin allows, for each candidate; of these the least rms."""
+
+    def designs() -> Iterable[tuple[BladeController, dict[str, float]]]:
+        for candidate in bench.tuning.lqg_saturating:
+
+            def design(weight: float, candidate: LQGCandidate = candidate) -> BladeController:
+                return lqg_agent("lqg_saturating", bench.model, _weights(candidate, weight))
+
+            weight = heaviest(bench, design)
+            yield design(weight), asdict(_weights(candidate, weight))
+
+    return _least_rms(bench, designs())
+
+
+def tune_pd(bench: Bench) -> Tuned:
+    """The paper's rule for every candidate; of those with the margin the least rms."""
+
+    def designs() -> Iterable[tuple[BladeController, dict[str, float]]]:
+        for candidate in bench.tuning.pd:
+
+            def design(gain: float, candidate: PDCandidate = candidate) -> BladeController:
+                return pd_agent("pd", bench.model, PDGains(gain, **asdict(candidate)))
+
+            gain = meet_the_stops(bench, design, 1e-10)
+            if gain is not None:
+                yield design(gain), asdict(PDGains(gain, **asdict(candidate)))
+
+    return _least_rms(bench, designs())
+
+
+def meet_the_stops(bench: Bench, design: Design, start: float) -> float | None:
+    """The number that brings the flap just to a stop on the tuning realisations, or None if no stable design does.
+
+    The Lyapunov equation gives the rms at any number in a moment; the ratio of the largest angle to the rms hardly
+    depends on it. So a few realisations of the ratio replace the many of a bisection.
+    """
+    model, factor = bench.model, PEAK_FACTOR
+    for _ in range(8):
+        number = _for_rms(model, design, model.flap_angle_limit / factor, start)
+        if number is None:
+            return None
+        stroke = bench.stroke(design(number))
+        if abs(stroke - 1.0) < TOLERANCE:
+            return number
+        factor *= stroke
+    raise RuntimeError(f"the largest flap angle does not settle at its stop (last stroke {stroke:.3f})")
+
+
+def _for_rms(model: TurbineModel, design: Design, angle: float, start: float) -> float | None:
+    """The number at which the flap angle has the rms given; None if the loop turns unstable before."""
+
+    def excess(log_number: float) -> float:
+        system = design(float(np.exp(log_number))).system
+        if closed_loop(model, system).spectral_radius() >= 1.0:
+            return np.inf
+        return stationary_rms(model, system)["flap_angle"] / angle - 1.0
+
+    low = high = float(np.log(start))
+    while (value := excess(high)) < 0.0:
+        low, high = high, high + 1.0
+    if np.isinf(value):
+        # Stable below, unstable above: is the rms reached between?
+        for _ in range(12):
+            middle = 0.5 * (low + high)
+            value = excess(middle)
+            if 0.0 <= value < np.inf:
+                high = middle
+                break
+            low, high = (middle, high) if value < 0.0 else (low, middle)
+        else:
+            return None
+    return float(np.exp(brentq(excess, low, high, xtol=1e-4)))
+
+
+def heaviest(bench: Bench, design: Design, lowest: float = 0.1, highest: float = 1e4) -> float:
+    """The largest weight, to 3 %, at which the loop is stable up to the margin on the flap's effect."""
+    factors = np.linspace(bench.tuning.margin, 1.0, 4)
+
+    def stable(weight: float) -> bool:
+        system = design(weight).system
+        return all(closed_loop(bench.model, system, factor).spectral_radius() < 1.0 for factor in factors)
+
+    if not stable(lowest):
+        raise ValueError(f"no margin of {bench.tuning.margin} even at a weight of {lowest} on the moment")
+    while highest / lowest > 1.03:
+        middle = float(np.sqrt(lowest * highest))
+        lowest, highest = (middle, highest) if stable(middle) else (lowest, middle)
+    return lowest
+
+
+def _least_rms(bench: Bench, designs: Iterable[tuple[BladeController, dict[str, float]]]) -> Tuned:
+    best: Tuned | None = None
+    for agent, numbers in designs:
+        judged = stability(bench.model, agent.system)
+        if judged.effectiveness_margin < bench.tuning.margin:
+            continue
+        tuned = _tuned(bench, agent, judged, numbers)
+        if best is None or tuned.design["tuning_rbm_rms"] < best.design["tuning_rbm_rms"]:
+            best = tuned
+    if best is None:
+        raise ValueError(f"no candidate has a margin of {bench.tuning.margin}")
+    return best
+
+
+def _tuned(bench: Bench, agent: BladeController, judged: Stability, numbers: dict[str, float]) -> Tuned:
+    """Numbers of the design with what it does behind the real stops."""
+    metrics = bench.measure(agent)
+    return Tuned(
+        agent,
+        numbers
+        | {
+            "spectral_radius": judged.spectral_radius,
+            "effectiveness_margin": min(judged.effectiveness_margin, LARGEST_EFFECTIVENESS),
+            "tuning_rbm_rms": float(metrics.rbm_rms.mean()),
+            "tuning_flap_angle_max": float(metrics.flap_angle_max.max()),
+            "tuning_flap_rate_max": float(metrics.flap_rate_max.max()),
+        },
+    )
+
+
+def _weights(candidate: LQGCandidate, rbm: float) -> Weights:
+    return Weights(rbm=rbm, **asdict(candidate))

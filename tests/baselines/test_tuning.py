@@ -1,0 +1,98 @@
+"""The tuning rules on a small turbine: the flap meets its stop, margins hold, bad files are refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baselines import tune
+from baselines.settings import LQGCandidate, PDCandidate, Tuning, load_tuning
+from baselines.tuning import Bench, heaviest, meet_the_stops, tune_lqg, tune_pd, tune_saturating
+from flapgym.aeroelastic import save_model
+from flapgym.control import Weights, closed_loop, load_agent, lqg_agent, made_for
+from tests.synthetic import synthetic_model
+
+MODEL = synthetic_model()
+CONFIG = Path(__file__).parents[2] / "configs" / "tuning.toml"
+LQG = (LQGCandidate(1.0, 0.0036, 0.01),)
+PD = (PDCandidate(0.1, 0.1, 12.0, 0.8),)
+BENCH = Bench(MODEL, Tuning(5, 2, 1.6, LQG, LQG, PD), 30.0, lambda name: None)
+
+
+def test_the_rule_brings_the_flap_just_to_its_stop():
+    for tuned in (tune_lqg(BENCH), tune_pd(BENCH)):
+        assert tuned.design["tuning_flap_angle_max"] == pytest.approx(MODEL.flap_angle_limit, rel=0.01)
+        assert BENCH.stroke(tuned.agent) == pytest.approx(1.0, abs=0.006)
+
+
+def test_a_rule_without_an_answer_says_so():
+    """A flap that nothing destabilises and no weight drives to the stop cannot be: here the loop is unstable first."""
+
+    def wrong_way(weight):
+        agent = lqg_agent("lqg", MODEL, Weights(weight))
+        object.__setattr__(agent.system, "C", -agent.system.C * 50.0)
+        return agent
+
+    assert meet_the_stops(BENCH, wrong_way, 1e-3) is None
+
+
+def test_the_saturating_design_is_as_heavy_as_the_margin_allows():
+    weak = LQGCandidate(1.0, 1e-5, 0.002)
+    bench = Bench(MODEL, Tuning(5, 2, 4.0, LQG, (weak,), PD), 30.0, lambda name: None)
+
+    def design(weight):
+        return lqg_agent("lqg", MODEL, Weights(weight, 1.0, 1e-5, 0.002))
+
+    weight = heaviest(bench, design, highest=1e6)
+    assert closed_loop(MODEL, design(weight).system, 4.0).spectral_radius() < 1.0
+    assert closed_loop(MODEL, design(1.1 * weight).system, 4.0).spectral_radius() >= 1.0
+
+
+def test_the_saturating_design_reduces_more_than_the_limit_respecting_one():
+    gentle, fierce = tune_lqg(BENCH), tune_saturating(BENCH)
+    assert fierce.design["tuning_rbm_rms"] < 0.9 * gentle.design["tuning_rbm_rms"]
+    assert fierce.design["tuning_flap_angle_max"] <= MODEL.flap_angle_limit
+
+
+def test_the_program_saves_agents_of_the_model_given(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(tune, "PAPER_LENGTH", 2.0)
+    save_model(MODEL, tmp_path / "model.safetensors")
+    config = tmp_path / "tuning.toml"
+    config.write_text(CONFIG.read_text().replace("realisations = 20", "realisations = 2"))
+    arguments = ["pd", "--model", str(tmp_path / "model.safetensors"), "--config", str(config)]
+    assert tune.main([*arguments, "--output", str(tmp_path / "agents")]) == 0
+    agent = load_agent(tmp_path / "agents" / "pd.json", MODEL)
+    assert made_for(agent, MODEL)
+    assert "stable up to" in capsys.readouterr().out
+
+
+def test_the_shipped_tuning_file_is_read():
+    tuning = load_tuning(CONFIG)
+    assert tuning.margin == 1.6
+    assert tuning.lqg[0].measurement_noise == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("margin = 1.6", "margins = 1.6", "margins: unknown key; did you mean 'margin'"),
+        ('"12 rad/s"', '"12 m"', "pd.*servo_frequency"),
+        ("realisations = 20", "realisations = 0", "realisations"),
+        ("seed = 2000000", "seed = 1000003", "must not be scored ones"),
+        ("acceleration = 3.6", "acceleration = 0", "acceleration"),
+    ],
+)
+def test_a_faulty_tuning_file_is_refused_by_the_fields_name(tmp_path, old, new, text):
+    path = tmp_path / "tuning.toml"
+    path.write_text(CONFIG.read_text().replace(old, new))
+    with pytest.raises(ValueError, match=text):
+        load_tuning(path)
+
+
+@pytest.mark.parametrize("arguments", [["lqr"], ["--model", "nowhere"], ["--config", "nowhere.toml"]])
+def test_bad_input_costs_one_line_and_exit_code_two(arguments, capsys, tmp_path):
+    assert tune.main([*arguments, "--output", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert arguments[-1] in error
+    assert np.size(list(tmp_path.iterdir())) == 0

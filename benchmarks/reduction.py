@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.aerodynamics import Aerodynamics, transfer_function
-from flapgym.aeroelastic.build import BladeLattice, blade_lattice, reduce_component, root_moment
+from flapgym.aeroelastic.blade_lattice import BladeLattice, blade_lattice, reduce_component
+from flapgym.aeroelastic.equations import root_moment
 from flapgym.aeroelastic.trim import trim
 from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import LinearBlade

@@ -3,6 +3,7 @@
 from flapgym.aerodynamics.downwash import convected_gust_downwash, flap_downwash, gust_downwash
 from flapgym.aerodynamics.model import Aerodynamics
 from flapgym.aerodynamics.response import (
+    RotorWake,
     collective_response,
     march,
     steady_circulation,
@@ -14,6 +15,7 @@ from flapgym.aerodynamics.steady import MeanLoads, mean_loads
 __all__ = [
     "Aerodynamics",
     "MeanLoads",
+    "RotorWake",
     "build_aerodynamics",
     "collective_response",
     "convected_gust_downwash",

@@ -101,6 +101,35 @@ def steady_circulation(aero: Aerodynamics, downwash: ArrayLike) -> Array:
     return np.asarray(-np.linalg.solve(total, np.asarray(downwash)))
 
 
+class RotorWake:
+    """Bound and wake circulations of all blades in time, every one of them a state; the reference for all else.
+
+    Attributes
+    ----------
+    per_downwash : (blades n, blades n) float
+        Bound circulation at a step per downwash at that step [m].
+    """
+
+    def __init__(self, aero: Aerodynamics) -> None:
+        blades, n = aero.blades, aero.lattice.chordwise * aero.lattice.strips
+        # What blade j feels of blade i depends on (i - j) alone.
+        order = (np.arange(blades)[None] - np.arange(blades)[:, None]) % blades
+        bound = aero.bound_pair[order].transpose(0, 2, 1, 3).reshape(blades * n, blades * n)
+        self.per_downwash = -np.linalg.inv(bound)
+        self._wake = aero.wake_pair[order].transpose(0, 2, 1, 3, 4).reshape(blades * n, -1)
+        self._shed = np.zeros((blades, aero.lattice.strips, aero.wake_rows))
+
+    def from_wake(self) -> Array:
+        """Bound circulation (blades n,) [m^2/s] that the wake alone calls for at the next step."""
+        return np.asarray(self.per_downwash @ (self._wake @ self._shed.ravel()))
+
+    def advance(self, circulation: Array) -> None:
+        """Shed the strips' last circulations of a step, (blades n,) [m^2/s], into the wake."""
+        blades, strips, _ = self._shed.shape
+        last = circulation.reshape(blades, -1)[:, -strips:, None]
+        self._shed = np.concatenate([last, self._shed[:, :, :-1]], axis=2)
+
+
 def march(aero: Aerodynamics, downwash: ArrayLike) -> tuple[Array, Array]:
     """Reference solution in time of all blades' full state, from rest; nothing in production uses it.
 
@@ -118,20 +147,14 @@ def march(aero: Aerodynamics, downwash: ArrayLike) -> tuple[Array, Array]:
     """
     downwash = np.asarray(downwash, dtype=float)
     steps, blades, n = downwash.shape
-    strips, rows, lags = aero.lattice.strips, aero.wake_rows, aero.force.shape[0]
-    # What blade j feels of blade i depends on (i - j) alone.
-    order = (np.arange(blades)[None] - np.arange(blades)[:, None]) % blades
-    bound = aero.bound_pair[order].transpose(0, 2, 1, 3).reshape(blades * n, blades * n)
-    wake = aero.wake_pair[order].transpose(0, 2, 1, 3, 4).reshape(blades * n, -1)
-    inverse = np.linalg.inv(bound)
-    shed = np.zeros((blades, strips, rows))
-    past = np.zeros((lags, blades, n))
+    wake = RotorWake(aero)
+    past = np.zeros((aero.force.shape[0], blades, n))
     circulation = np.empty((steps, blades, n))
     force = np.empty((steps, blades, aero.force_point.size))
     for t in range(steps):
-        gamma = -inverse @ (downwash[t].ravel() + wake @ shed.ravel())
+        gamma = wake.per_downwash @ downwash[t].ravel() + wake.from_wake()
+        wake.advance(gamma)
         circulation[t] = gamma.reshape(blades, n)
         past = np.concatenate([circulation[t][None], past[:-1]])
         force[t] = np.einsum("lfn,lbn->bf", aero.force, past)
-        shed = np.concatenate([circulation[t][:, -strips:, None], shed[:, :, :-1]], axis=2)
     return circulation, force.reshape(steps, blades, -1, 3)

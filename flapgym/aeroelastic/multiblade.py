@@ -38,6 +38,12 @@ def blade_azimuths(azimuth: Array | float) -> Array:
     return np.asarray(azimuth)[..., None] + 2.0 * np.pi / BLADES * np.arange(BLADES)
 
 
+def on_rotor() -> Array:
+    """Matrix (3, 3) from components (0, c, s) that turn with the rotor, its azimuth counted as zero, to blades."""
+    angle = blade_azimuths(0.0)
+    return np.stack([np.ones(BLADES), np.cos(angle), np.sin(angle)], axis=-1)
+
+
 def to_blades(components: Array, azimuth: Array | float) -> Array:
     """Blade signals (..., 3) from components (..., 3) at rotor azimuth (...) [rad]."""
     angle = blade_azimuths(azimuth)

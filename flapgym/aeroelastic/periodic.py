@@ -25,13 +25,15 @@ from flapgym.aeroelastic.coupling import (
     instant,
     reading,
 )
-from flapgym.aeroelastic.multiblade import BLADES, blade_azimuths, derivative_coupling, hub_components
+from flapgym.aeroelastic.multiblade import (
+    BLADES,
+    blade_azimuths,
+    derivative_coupling,
+    hub_components,
+    on_rotor,
+)
 from flapgym.reduction import ReducedSystem
 from flapgym.state_space import Array
-
-# Of blade signals in the order of the blades, per component (0, c, s) seen on the rotor itself.
-_ON_ROTOR = np.array([[1.0, np.cos(angle), np.sin(angle)] for angle in blade_azimuths(0.0)])
-
 
 PERIODIC_INPUTS = (*(f"flap_angle_{b}" for b in (1, 2, 3)), *(f"flap_rate_{b}" for b in (1, 2, 3)), "wind")
 PERIODIC_OUTPUTS = (
@@ -136,8 +138,8 @@ class PeriodicEquations:
             matrix[nd - t :, nd - t :] = part
         size = self.held.shape[1]
         # The lattice speaks in components on the rotor; blades in their own signals.
-        spread = np.kron(_ON_ROTOR, np.eye(size))
-        gather = np.kron(np.linalg.inv(_ON_ROTOR), np.eye(self.held.shape[0]))
+        spread = np.kron(on_rotor(), np.eye(size))
+        gather = np.kron(np.linalg.inv(on_rotor()), np.eye(self.held.shape[0]))
         flap = [
             scipy.linalg.block_diag(*(column[:, None] for column in part.T))
             for part in (self.flap_angle, self.flap_rate)

@@ -115,9 +115,10 @@ def save_agent(
 
 
 def _find(name: str | os.PathLike[str]) -> Path:
-    shipped = Path(str(resources.files("flapgym.control") / "agents" / f"{name}.json"))
-    if str(name) in AGENT_NAMES and shipped.is_file():
-        return shipped
+    folder = Path(str(resources.files("flapgym.control") / "agents"))
+    shipped = {each: folder / f"{each}.json" for each in AGENT_NAMES if each != OpenLoop.name}
+    if str(name) in shipped:
+        return shipped[str(name)]
     path = Path(name)
     if path.suffix != ".json":
         raise ValueError(

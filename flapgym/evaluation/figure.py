@@ -73,7 +73,10 @@ def _flap(axis: Axes, cycles: np.ndarray, closed: Record) -> None:
     axis.set_ylabel("flap angle [deg]", color=CLOSED)
     axis.set_ylim(-11.0, 11.0)
     inflow = axis.twinx()
-    inflow.plot(cycles, closed.wind[0], color=INFLOW, linewidth=0.6, alpha=0.8)
+    inflow.plot(cycles, closed.wind[0], color=INFLOW, linewidth=0.6, alpha=0.5)
     inflow.set_ylabel("change in inflow [m/s]", color=INFLOW)
     reach = 1.05 * float(np.abs(closed.wind[0]).max()) or 1.0
     inflow.set_ylim(-reach, reach)
+    # The flap, not the wind, is what the panel is about: draw it on top.
+    axis.set_zorder(inflow.get_zorder() + 1)
+    axis.patch.set_visible(False)

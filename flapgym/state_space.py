@@ -113,6 +113,18 @@ class StateSpace:
         return np.asarray(states @ self.C.T + u @ self.D.T)
 
 
+def delayed(system: StateSpace) -> StateSpace:
+    """The same system whose inputs act one step late; each input becomes a state."""
+    n, nu, ny = system.order, len(system.inputs), len(system.outputs)
+    return replace(
+        system,
+        A=np.block([[system.A, system.B], [np.zeros((nu, n + nu))]]),
+        B=np.vstack([np.zeros((n, nu)), np.eye(nu)]),
+        C=np.hstack([system.C, system.D]),
+        D=np.zeros((ny, nu)),
+    )
+
+
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
     """Second driven by first: first's outputs feed the inputs of second that bear the same names.
 

@@ -6,7 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.aerodynamics import Aerodynamics, flap_downwash, gust_downwash, transfer_function
+from flapgym.aerodynamics import (
+    Aerodynamics,
+    convected_gust_downwash,
+    flap_downwash,
+    gust_downwash,
+    transfer_function,
+)
 from flapgym.aeroelastic.interaction import (
     displacement_downwash,
     hub_turn_downwash,
@@ -36,12 +42,15 @@ class BladeLattice:
         Generalised force on the modes, and force and moment on the hub apex, per unit panel force.
     modes, strips : int
         m and the number of strips.
+    convected : bool
+        Whether the reduced lattice's gust travels along the chord; ``downwash`` has it strike at once.
     """
 
     downwash: Array
     load: Array
     modes: int
     strips: int
+    convected: bool = False
 
     def select(self, *names: str) -> Array:
         """Columns of the identity that feed the named group of inputs, shape (nu, size of the group)."""
@@ -79,7 +88,8 @@ def blade_lattice(case: Case, aero: Aerodynamics, blade: LinearBlade, shape: Arr
         ]
     )
     load = np.vstack([(force_displacement @ shape).T, rigid_displacement(aero.force_point).T])
-    return BladeLattice(downwash, load, modes=shape.shape[1], strips=gust.shape[1])
+    convected = case.discretisation.gust == "convected"
+    return BladeLattice(downwash, load, shape.shape[1], gust.shape[1], convected)
 
 
 def reduce_component(aero: Aerodynamics, lattice: BladeLattice, component: int, order: int) -> ReducedSystem:
@@ -92,6 +102,9 @@ def reduce_component(aero: Aerodynamics, lattice: BladeLattice, component: int, 
         )
     z = np.exp(2j * np.pi * np.arange(_FREQUENCIES) / _FREQUENCIES)
     response = transfer_function(aero, component, z, lattice.downwash, lattice.load)
+    if lattice.convected:
+        gust = convected_gust_downwash(aero, z)
+        response[:, :, -lattice.strips :] = transfer_function(aero, component, z, gust, lattice.load)
     input_scale = 1.0 / np.sqrt((lattice.downwash**2).mean(axis=0))
     at = round(_SCALING_FREQUENCY * aero.time_step * _FREQUENCIES)
     output_scale = np.sqrt((np.abs(response[at] * input_scale) ** 2).mean(axis=1))

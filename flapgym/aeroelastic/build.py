@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+import scipy.linalg
 
 from flapgym.aerodynamics import Aerodynamics
 from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component
+from flapgym.aeroelastic.compact import compact_model
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equations
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.trim import deflected_lattice, trim
 from flapgym.reduction import normal_modes
-from flapgym.state_space import StateSpace, series
+from flapgym.state_space import StateSpace, delayed, series
 from flapgym.structure import linear_support
 from flapgym.turbine import Case
 from flapgym.turbulence import von_karman_filter
@@ -61,6 +64,8 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     rotor = multiblade_aerodynamics(collective, whirl, case.rotor_speed, dt)
     turbine = couple(turbine_equations(parts), rotor, dt)
     single = couple(blade_equations(parts), alone, dt)
+    if case.discretisation.input_delay:
+        turbine, single = delayed(carried_on(turbine, case.rotor_speed * dt)), delayed(single)
     for name, system in (("turbine", turbine), ("blade", single)):
         radius = system.spectral_radius()
         if radius >= 1.0:
@@ -68,7 +73,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
                 f"build_model: the {name} of case {case.name!r} is unstable (spectral radius {radius:.6f})"
             )
     limits = case.flap
-    return TurbineModel(
+    model = TurbineModel(
         turbine=turbine,
         blade=single,
         name=case.name,
@@ -84,6 +89,8 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         inputs_hash=case.hash(),
         case=case.to_dict(),
     )
+    tolerance = case.reduction.coupled_tolerance
+    return compact_model(model, tolerance) if tolerance else model
 
 
 def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
@@ -100,6 +107,17 @@ def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
         lattice=blade_lattice(case, balance.rotor, blade, shape),
     )
     return parts, balance.rotor
+
+
+def carried_on(turbine: StateSpace, turn: float) -> StateSpace:
+    """The turbine for flap inputs given in the multi-blade coordinates of an azimuth smaller by ``turn`` [rad].
+
+    A blade keeps its flap while the rotor turns on, so a late input's components turn back.
+    """
+    cosine, sine = np.cos(turn), np.sin(turn)
+    back = scipy.linalg.block_diag(1.0, [[cosine, -sine], [sine, cosine]])
+    mix = scipy.linalg.block_diag(back, back, 1.0)
+    return replace(turbine, B=turbine.B @ mix, D=turbine.D @ mix)
 
 
 def open_loop_rms(case: Case, turbine: StateSpace) -> float:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from flapgym.turbine.fields import Count, Quantity, Text, check_fields
+from flapgym.turbine.fields import Choice, Count, Quantity, Text, check_fields
 from flapgym.turbine.machine import Turbine
 from flapgym.turbine.units import DEGREE
 
@@ -59,6 +59,10 @@ class Discretisation:
         Length of the wake downwind of the rotor, in rotor diameters.
     induction : float
         Axial induction factor by which the wake's transport is slowed; zero for a wake carried at the wind speed.
+    gust : "at once" or "convected"
+        Whether a gust strikes all panels of a section at once (the paper's eq. 9) or travels along the chord.
+    input_delay : int
+        Time steps by which flap and gust act late: 0, or 1 as in the paper's eq. 9.
     """
 
     blade_elements: Annotated[int, Count(at_least=1)]
@@ -68,6 +72,8 @@ class Discretisation:
     time_step: Annotated[float, Quantity("time", above=0.0, at_most=1.0)]
     wake_length: Annotated[float, Quantity("length in rotor diameters", above=0.0)]
     induction: Annotated[float, Quantity("number", at_least=0.0, below=0.5)]
+    gust: Annotated[Literal["at once", "convected"], Choice(("at once", "convected"))]
+    input_delay: Annotated[int, Count(at_least=0, at_most=1)]
 
     def __post_init__(self) -> None:
         check_fields(self, "discretisation")
@@ -123,11 +129,15 @@ class Reduction:
         Structural modes kept for each blade, and for tower, nacelle and shaft together.
     aerodynamic_states : int
         Balanced states kept for each cyclic component of the aerodynamics.
+    coupled_tolerance : float
+        Largest rms error, over the rms of the output, at which the coupled turbine is reduced once more as a
+        whole; zero leaves it as coupled.
     """
 
     blade_modes: Annotated[int, Count(at_least=1)]
     tower_modes: Annotated[int, Count(at_least=1)]
     aerodynamic_states: Annotated[int, Count(at_least=1)]
+    coupled_tolerance: Annotated[float, Quantity("number", at_least=0.0, below=1.0)]
 
     def __post_init__(self) -> None:
         check_fields(self, "reduction")

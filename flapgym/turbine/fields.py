@@ -112,6 +112,23 @@ class Text:
 
 
 @dataclass(frozen=True)
+class Choice:
+    """One of a few words."""
+
+    words: tuple[str, ...]
+
+    def parse(self, value: object, name: str) -> str:
+        """Read a TOML value."""
+        return self.check(value, name)
+
+    def check(self, value: object, name: str) -> str:
+        """Refuse what is none of the words."""
+        if not isinstance(value, str) or value not in self.words:
+            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {value!r}")
+        return value
+
+
+@dataclass(frozen=True)
 class Column(_Bounded):
     """A column of numbers over the stations of a table, shape (n,)."""
 

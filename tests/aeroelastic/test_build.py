@@ -10,11 +10,12 @@ from flapgym.aerodynamics.downwash import glauert_scale
 from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component
 from flapgym.aeroelastic.build import STAGES, build_model, open_loop_rms
+from flapgym.aeroelastic.compact import activity
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, turbine_equations
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.trim import trim
-from flapgym.reduction import normal_modes
+from flapgym.reduction import normal_modes, relative_error
 from flapgym.structure import linear_support
 from flapgym.turbine import load_case
 from flapgym.turbulence import von_karman_spectrum
@@ -71,7 +72,7 @@ def exact_response(rotor, modes):
     return np.stack(responses)
 
 
-def relative_error(ours, exact):
+def channel_error(ours, exact):
     """Error of every channel, over frequency in rms, relative to that channel's own rms."""
     return np.sqrt((np.abs(ours - exact) ** 2).mean(axis=0) / (np.abs(exact) ** 2).mean(axis=0))
 
@@ -96,13 +97,13 @@ def test_reducing_the_lattice_to_150_states_changes_no_channel_by_half_a_percent
 ):
     ours = load_model().turbine.frequency_response(FREQUENCY)
     exact = exact_response(rotor, CASE.reduction.blade_modes)
-    assert relative_error(ours, exact)[channels].max() < 5e-3
+    assert channel_error(ours, exact)[channels].max() < 5e-3
 
 
 def test_thirteen_blade_modes_leave_two_percent_of_all_seventy_two_below_1_5_hz(rotor, channels):
     few = exact_response(rotor, CASE.reduction.blade_modes)
     all_modes = exact_response(rotor, 72)
-    assert relative_error(few, all_modes)[channels].max() < 2e-2
+    assert channel_error(few, all_modes)[channels].max() < 2e-2
 
 
 def test_reduced_rotor_follows_the_marched_wake_when_one_flap_steps(rotor):
@@ -172,3 +173,54 @@ def test_wake_too_long_for_the_reduction_is_refused_with_its_remedy():
     long_wake = replace(CASE, discretisation=replace(CASE.discretisation, wake_length=1.0))
     with pytest.raises(ValueError, match=r"discretisation\.wake_length: 1636 wake rows"):
         build_model(long_wake)
+
+
+def coarse(**changes):
+    """A small case, quick to build, with a change of its discretisation or reduction."""
+    grid = replace(CASE.discretisation, chordwise_panels=3, wake_length=0.1)
+    reduction = replace(CASE.reduction, blade_modes=4, tower_modes=4, aerodynamic_states=15)
+    for key, value in changes.items():
+        if hasattr(grid, key):
+            grid = replace(grid, **{key: value})
+        else:
+            reduction = replace(reduction, **{key: value})
+    return replace(CASE, discretisation=grid, reduction=reduction)
+
+
+@pytest.fixture(scope="module")
+def small():
+    return build_model(coarse())
+
+
+def test_one_step_delay_lets_the_blades_feel_flap_and_gust_a_step_late(small):
+    """Blade by blade: the rotor turns on during the step, the flap stays on its blade."""
+    late = build_model(coarse(input_delay=1))
+    azimuth = 0.4 + CASE.rotor_speed * DT * np.arange(80)
+    rng = np.random.default_rng(6)
+    flap, rate, wind = (rng.standard_normal((80, k)) for k in (3, 3, 1))
+
+    def run(model, by):
+        parts = [np.roll(part, by, axis=0) for part in (flap, rate, wind)]
+        for part in parts:
+            part[:by] = 0.0
+        u = np.hstack([to_components(parts[0], azimuth), to_components(parts[1], azimuth), parts[2]])
+        return model.turbine.simulate(u)
+
+    np.testing.assert_allclose(
+        run(late, 0), run(small, 1), rtol=1e-7, atol=1e-7 * np.abs(run(small, 1)).max()
+    )
+
+
+def test_convected_gust_acts_later_and_weaker_at_high_frequency_and_alike_when_steady(small):
+    convected = build_model(coarse(gust="convected"))
+    wind = [m.turbine.select(inputs=["wind"], outputs=["rbm_0"]) for m in (small, convected)]
+    np.testing.assert_allclose(wind[1].dc_gain(), wind[0].dc_gain(), rtol=1e-6)
+    at_once, along = (abs(system.frequency_response([5.0])[0, 0, 0]) for system in wind)
+    assert along < 0.8 * at_once
+
+
+def test_coupled_tolerance_shrinks_the_turbine_and_is_kept(small):
+    compact = build_model(coarse(coupled_tolerance=1e-2))
+    assert compact.turbine.order < small.turbine.order
+    weight = activity(small)
+    assert relative_error(small.turbine, compact.turbine, weight).max() <= 1e-2

@@ -47,15 +47,12 @@ def random_beam(elements: int, seed: int) -> Beam:
     position = np.cumsum(rng.normal(size=(elements + 1, 3)) + [0.0, 0.0, 2.0], axis=0)
     orientation = rotation_matrix(0.5 * rng.normal(size=(elements + 1, 3)))
     root = rng.normal(size=(elements, 6, 6))
-    inertia = rng.normal(size=(elements, 3, 3))
-    mass = np.stack(
-        [
-            section_mass(m, c, i @ i.T)
-            for m, c, i in zip(
-                rng.uniform(0.5, 2.0, elements), 0.3 * rng.normal(size=(elements, 3)), inertia, strict=True
-            )
-        ]
-    )
+    # A rotary inertia that some cloud of particles has: tr(E) - E of its second moments E.
+    cloud = 0.5 * rng.normal(size=(elements, 3, 3))
+    moments = cloud @ np.swapaxes(cloud, 1, 2)
+    rotary = np.trace(moments, axis1=1, axis2=2)[:, None, None] * np.eye(3) - moments
+    density, centre = rng.uniform(0.5, 2.0, elements), 0.3 * rng.normal(size=(elements, 3))
+    mass = np.stack([section_mass(*part) for part in zip(density, centre, rotary, strict=True)])
     return Beam(Configuration(position, orientation), root @ np.swapaxes(root, 1, 2), mass)
 
 

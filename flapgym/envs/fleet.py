@@ -50,6 +50,7 @@ class Fleet:
         self._noise = (
             np.zeros((count, self.plant.intervals + 1, BLADES)) if settings.measurement_noise else None
         )
+        self._reward_weights = np.full(BLADES, -1.0 / (BLADES * self.model.rbm_rms**2))
         self._all = np.arange(count)
 
     def begin(
@@ -86,7 +87,8 @@ class Fleet:
         interval = self.plant.advance(actions * self.model.acceleration_limit)
         now = self._instant(interval, self._all)
         terms = self._reward_terms(interval)
-        self._travel += np.abs(interval.flap_angle[:, 1:] - interval.flap_angle[:, :-1]).sum(axis=1)
+        angle = interval.flap_angle
+        self._travel += np.add.reduce(np.abs(angle[:, 1:] - angle[:, :-1]), axis=1)
         info = self._info(now, interval, self._all) | terms
         if self.settings.record_samples:
             info["samples"] = _samples(interval)
@@ -149,19 +151,19 @@ class Fleet:
 
     def _reward_terms(self, interval: Interval) -> Info:
         """Each term of the reward, and the mean square of each blade's moment over the interval."""
-        k, model, settings = self.plant.steps_per_action, self.model, self.settings
+        k, settings = self.plant.steps_per_action, self.settings
         mean_square = np.einsum("nkb,nkb->nb", interval.rbm, interval.rbm) / k
         zero = np.zeros(self.plant.count)
         angle, tower = zero, zero.copy()
         if settings.flap_angle_weight > 0.0:
-            ratio = interval.flap_angle[:, 1:] / model.flap_angle_limit
+            ratio = interval.flap_angle[:, 1:] / self.model.flap_angle_limit
             angle = -settings.flap_angle_weight * np.einsum("nkb,nkb->n", ratio, ratio) / (k * BLADES)
         if settings.tower_weight > 0.0:
             fore_aft = interval.tower[:, :, 0]
             tower = -settings.tower_weight * np.einsum("nk,nk->n", fore_aft, fore_aft) / k
         return {
             "rbm_mean_square": mean_square,
-            "reward_rbm": mean_square.sum(axis=1) * (-1.0 / (BLADES * model.rbm_rms**2)),
+            "reward_rbm": mean_square @ self._reward_weights,
             "reward_flap_angle": angle,
             "reward_tower": tower,
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,7 @@ from flapgym.aeroelastic.model import TurbineModel
 from flapgym.state_space import Array
 
 
-@dataclass(frozen=True, eq=False)
-class Instant:
+class Instant(NamedTuple):
     """What n turbines show at one sample, in SI units.
 
     Attributes

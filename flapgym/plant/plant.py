@@ -6,7 +6,7 @@ added, not simulated again (superposition). Every turbine has its own azimuth, r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,7 @@ RESET_BATCH = 64
 """Turbines whose disturbance response is computed at once: more would leave the processor's cache."""
 
 
-@dataclass(frozen=True, eq=False)
-class Interval:
+class Interval(NamedTuple):
     """What n turbines did during one action; arrays are fresh.
 
     Attributes
@@ -88,13 +87,18 @@ class Plant:
         self.elapsed = np.zeros(count, dtype=np.int64)
         """Intervals done since the turbine's reset."""
         self._kernel = kernel
-        self._modes = np.zeros((count, kernel.flap.decay.size), dtype=complex)
+        # Modes and flap components side by side, so that one product reads both.
+        self._state = np.zeros((count, kernel.flap.read.shape[0] + kernel.flap.feed.shape[0]))
+        self._modes = self._state[:, : kernel.flap.read.shape[0]].view(complex)
+        self._components = self._state[:, kernel.flap.read.shape[0] :]
+        self._output = np.vstack([kernel.flap.read, kernel.flap.feed])
         self._command = np.zeros((count, 3, BLADES))
-        self._azimuth = np.zeros(count)
+        self._phase = np.zeros((count, BLADES))
         self._response = np.zeros((count, intervals, kernel.rows.count))
         self._index = np.arange(count)
         self._blades = np.ones((count, 3, BLADES))
-        self._weights = np.array([1.0, 2.0, 2.0]) / BLADES
+        self._weights = np.array([[1.0], [2.0], [2.0]]) / BLADES
+        self._turn = kernel.turn * steps_per_action
 
     @property
     def noise_count(self) -> int:
@@ -104,7 +108,7 @@ class Plant:
     @property
     def azimuth(self) -> Array:
         """Azimuth of blade 1 of each turbine [rad], (n,), in [0, 2 pi)."""
-        return np.mod(self._azimuth + self._kernel.turn * self.steps_per_action * self.elapsed, 2.0 * np.pi)
+        return (self._phase[:, 0] + self._turn * self.elapsed) % (2.0 * np.pi)
 
     @property
     def flap_angle(self) -> Array:
@@ -152,7 +156,7 @@ class Plant:
             first[some], rows = self._kernel.disturbance.respond(noise[some], self.intervals)
             self._response[turbines[some]] = rows * level[some, None]
         self._modes[turbines] = 0.0
-        self._azimuth[turbines] = azimuth
+        self._phase[turbines] = blade_azimuths(azimuth)
         self.elapsed[turbines] = 0
         self._command[turbines] = np.stack([flap_angle, flap_rate, np.zeros_like(flap_rate)], axis=1)
         flap = np.concatenate([to_components(flap_angle, azimuth), to_components(flap_rate, azimuth)], axis=1)
@@ -178,12 +182,11 @@ class Plant:
         motion, stopped = self.actuator.move(self._command)
         self._command[:, 0], self._command[:, 1] = motion[:, k], motion[:, 2 * k + 1]
         blades = self._components_to_blades()
-        components = (motion @ (blades.transpose(0, 2, 1) * self._weights)).reshape(n, -1)
-        rows = self._modes.view(float) @ kernel.flap.read
-        rows += components @ kernel.flap.feed
+        self._components[:] = (motion @ (blades * self._weights).transpose(0, 2, 1)).reshape(n, -1)
+        rows = self._state @ self._output
         rows += self._response[self._index, self.elapsed]
         self._modes *= kernel.flap.decay
-        self._modes += (components @ kernel.flap.drive).view(complex)
+        self._modes += (self._components @ kernel.flap.drive).view(complex)
         self.elapsed += 1
         loads = rows[:, : kernel.rows.blade_rows].reshape(n, -1, 3) @ blades
         flat = rows[:, kernel.rows.blade_rows :].reshape(n, kernel.rows.kept, 3)
@@ -199,7 +202,7 @@ class Plant:
 
     def _components_to_blades(self) -> Array:
         """(n, 3 components, 3 blades): one, cosine and sine of each blade's azimuth."""
-        azimuths = blade_azimuths(self._azimuth + self._kernel.turn * self.steps_per_action * self.elapsed)
+        azimuths = self._phase + (self._turn * self.elapsed)[:, None]
         np.cos(azimuths, out=self._blades[:, 1])
         np.sin(azimuths, out=self._blades[:, 2])
         return self._blades

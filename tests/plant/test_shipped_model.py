@@ -35,7 +35,7 @@ def test_wind_responses_agree_with_the_plain_simulation_to_1e9():
     model = load_model()
     plant = Plant(model, 1, 1, 1000, model.length_scale, every_sample=True)
     noise = np.random.default_rng(1).standard_normal((1, plant.noise_count))
-    noise[0, : -1001] = 0.0  # from rest
+    noise[0, :-1001] = 0.0  # from rest
     rest = np.zeros((1, 3))
     plant.reset(np.arange(1), noise, np.array([model.turbulence_intensity]), np.zeros(1), rest, rest)
     intervals = [plant.advance(rest) for _ in range(1000)]

@@ -25,7 +25,6 @@ from flapgym.state_space import Array
 from flapgym.structure import LinearBlade
 from flapgym.turbine import Case
 
-_FREQUENCIES = 2048  # roots of unity for the impulse response: at least four times the wake rows
 _SCALING_FREQUENCY = 0.2  # Hz; lattice outputs count by their size here, where turbulence has its energy
 
 
@@ -92,20 +91,29 @@ def blade_lattice(case: Case, aero: Aerodynamics, blade: LinearBlade, shape: Arr
     return BladeLattice(downwash, load, shape.shape[1], gust.shape[1], convected)
 
 
-def reduce_component(aero: Aerodynamics, lattice: BladeLattice, component: int, order: int) -> ReducedSystem:
-    """Balanced reduction of one cyclic component of the lattice, scaled to comparable inputs and outputs."""
-    rows = aero.wake_rows
-    if 4 * rows > _FREQUENCIES:
-        raise ValueError(
-            f"discretisation.wake_length: {rows} wake rows, the reduction resolves at most {_FREQUENCIES // 4}; "
-            "shorten the wake or raise the time step"
-        )
-    z = np.exp(2j * np.pi * np.arange(_FREQUENCIES) / _FREQUENCIES)
+def reduce_component(
+    aero: Aerodynamics, lattice: BladeLattice, component: int, order: int, tolerance: float = 0.0
+) -> ReducedSystem:
+    """Balanced reduction of one cyclic component of the lattice, scaled to comparable inputs and outputs.
+
+    ``order`` is the most states to keep; those whose singular value is below ``tolerance`` of the largest go too.
+    """
+    # The impulse response lasts somewhat longer than the wake: four times that leaves nothing to fold back.
+    frequencies = max(2048, 2 ** int(np.ceil(np.log2(4 * aero.wake_rows))))
+    z = np.exp(2j * np.pi * np.arange(frequencies) / frequencies)
     response = transfer_function(aero, component, z, lattice.downwash, lattice.load)
     if lattice.convected:
         gust = convected_gust_downwash(aero, z)
         response[:, :, -lattice.strips :] = transfer_function(aero, component, z, gust, lattice.load)
     input_scale = 1.0 / np.sqrt((lattice.downwash**2).mean(axis=0))
-    at = round(_SCALING_FREQUENCY * aero.time_step * _FREQUENCIES)
+    at = round(_SCALING_FREQUENCY * aero.time_step * frequencies)
     output_scale = np.sqrt((np.abs(response[at] * input_scale) ** 2).mean(axis=1))
-    return balanced_reduction(response, order, input_scale, output_scale, real=component == 0)
+    return balanced_reduction(
+        response,
+        order,
+        input_scale,
+        output_scale,
+        real=component == 0,
+        tolerance=tolerance,
+        block_rows=max(500, int(1.2 * aero.wake_rows)),
+    )

@@ -44,8 +44,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     Raises
     ------
     ValueError
-        If the reduced aerodynamics or the coupled model is unstable, or the wake is longer than the window
-        of the impulse response allows.
+        If the reduced aerodynamics or the coupled model is unstable.
     EquilibriumError, RuntimeError
         If blade and lattice find no balance.
     """
@@ -56,9 +55,9 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     tell(STAGES[1])
     blade_aero = deflected_lattice(case, parts.blade, blades=1)
     tell(STAGES[2])
-    order = case.reduction.aerodynamic_states
-    collective, whirl = (reduce_component(rotor_aero, lattice, m, order) for m in (0, 1))
-    alone = reduce_component(blade_aero, lattice, 0, order)
+    keep = case.reduction.aerodynamic_states, case.reduction.aerodynamic_tolerance
+    collective, whirl = (reduce_component(rotor_aero, lattice, m, *keep) for m in (0, 1))
+    alone = reduce_component(blade_aero, lattice, 0, *keep)
     tell(STAGES[3])
     dt = case.discretisation.time_step
     rotor = multiblade_aerodynamics(collective, whirl, case.rotor_speed, dt)

@@ -56,6 +56,7 @@ def balanced_reduction(
     output_scale: NDArray[np.float64],
     *,
     real: bool,
+    tolerance: float = 0.0,
     block_rows: int = 500,
 ) -> ReducedSystem:
     """Balanced truncation by singular perturbation, with the exact steady gain.
@@ -66,12 +67,14 @@ def balanced_reduction(
         Transfer function at the N roots of unity z_k = exp(2 pi j k / N), k = 0 .. N - 1. N must be
         longer than the memory of the system (for a lattice, four times its wake rows).
     order : int
-        States to keep.
+        States to keep, or the most of them where ``tolerance`` decides.
     input_scale : (nu,), output_scale : (ny,) float
         Magnitudes that count as one: the system balanced is y / output_scale over u / input_scale.
         The result is in the units of ``response``.
     real : bool
         Whether the impulse response is real (the collective component) or complex (whirl).
+    tolerance : float
+        States whose singular value is smaller than this share of the largest are dropped.
     block_rows : int
         Block rows and columns of the Hankel matrix; 2 * block_rows <= N.
 
@@ -98,6 +101,7 @@ def balanced_reduction(
     if rank < order:
         raise ValueError(f"balanced_reduction.order: the system has only {rank} states, got {order}")
     left, values, right = left[:, :rank], values[:rank], right[:, :rank]
+    order = min(order, int((values >= tolerance * values[0]).sum()))
     root = np.sqrt(values)
     A = (left / root).conj().T @ shifted.apply(right / root)
     B = (right[:inputs] * root).conj().T

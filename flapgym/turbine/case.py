@@ -128,7 +128,9 @@ class Reduction:
     blade_modes, tower_modes : int
         Structural modes kept for each blade, and for tower, nacelle and shaft together.
     aerodynamic_states : int
-        Balanced states kept for each cyclic component of the aerodynamics.
+        Balanced states kept for each cyclic component of the aerodynamics, at most.
+    aerodynamic_tolerance : float
+        States whose Hankel singular value is below this share of the largest are dropped; zero keeps the number.
     coupled_tolerance : float
         Largest rms error, over the rms of the output, at which the coupled turbine is reduced once more as a
         whole; zero leaves it as coupled.
@@ -137,6 +139,7 @@ class Reduction:
     blade_modes: Annotated[int, Count(at_least=1)]
     tower_modes: Annotated[int, Count(at_least=1)]
     aerodynamic_states: Annotated[int, Count(at_least=1)]
+    aerodynamic_tolerance: Annotated[float, Quantity("number", at_least=0.0, below=1.0)]
     coupled_tolerance: Annotated[float, Quantity("number", at_least=0.0, below=1.0)]
 
     def __post_init__(self) -> None:

@@ -169,12 +169,6 @@ def test_halving_the_flap_halves_its_gain_and_changes_the_hash(rebuilt):
     assert halved.inputs_hash != rebuilt.inputs_hash
 
 
-def test_wake_too_long_for_the_reduction_is_refused_with_its_remedy():
-    long_wake = replace(CASE, discretisation=replace(CASE.discretisation, wake_length=1.0))
-    with pytest.raises(ValueError, match=r"discretisation\.wake_length: 1636 wake rows"):
-        build_model(long_wake)
-
-
 def coarse(**changes):
     """A small case, quick to build, with a change of its discretisation or reduction."""
     grid = replace(CASE.discretisation, chordwise_panels=3, wake_length=0.1)
@@ -224,3 +218,10 @@ def test_coupled_tolerance_shrinks_the_turbine_and_is_kept(small):
     assert compact.turbine.order < small.turbine.order
     weight = activity(small)
     assert relative_error(small.turbine, compact.turbine, weight).max() <= 1e-2
+
+
+def test_aerodynamic_tolerance_drops_the_states_the_singular_values_call_small(small):
+    loose = build_model(coarse(aerodynamic_tolerance=0.05))
+    assert loose.turbine.order < small.turbine.order
+    wind = [m.turbine.select(inputs=["wind"], outputs=["rbm_0"]) for m in (small, loose)]
+    np.testing.assert_allclose(wind[1].dc_gain(), wind[0].dc_gain(), rtol=1e-6)

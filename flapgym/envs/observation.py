@@ -118,18 +118,19 @@ class Observer:
     """
 
     def __init__(self, observe: Sequence[str], model: TurbineModel) -> None:
-        self._quantities = [QUANTITIES[name] for name in observe]
-        sizes = [quantity.size for quantity in self._quantities]
+        self._names = tuple(observe)
+        quantities = [QUANTITIES[name] for name in self._names]
+        sizes = [quantity.size for quantity in quantities]
         self.bound: NDArray[np.float32] = np.repeat(
-            [quantity.bound(model) for quantity in self._quantities], sizes
+            [quantity.bound(model) for quantity in quantities], sizes
         ).astype(np.float32)
-        self._noisy = "rbm" in observe
-        start = sum(sizes[: list(observe).index("rbm")]) if self._noisy else 0
+        self._noisy = "rbm" in self._names
+        start = sum(sizes[: self._names.index("rbm")]) if self._noisy else 0
         self._rbm = slice(start, start + 3)
 
     def __call__(self, now: Instant, noise: Array | None = None) -> NDArray[np.float32]:
         """Rows (n, size) for an instant; noise (n, 3) [N m] is added to the moments, if they are observed."""
-        parts = [quantity.read(now) for quantity in self._quantities]
+        parts = [QUANTITIES[name].read(now) for name in self._names]
         row = np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
         if noise is not None and self._noisy:
             row[:, self._rbm] += 1e-6 * noise

@@ -89,8 +89,6 @@ class Plant:
         self._kernel = kernel
         # Modes and flap components side by side, so that one product reads both.
         self._state = np.zeros((count, kernel.flap.read.shape[0] + kernel.flap.feed.shape[0]))
-        self._modes = self._state[:, : kernel.flap.read.shape[0]].view(complex)
-        self._components = self._state[:, kernel.flap.read.shape[0] :]
         self._output = np.vstack([kernel.flap.read, kernel.flap.feed])
         self._command = np.zeros((count, 3, BLADES))
         self._phase = np.zeros((count, BLADES))
@@ -155,7 +153,7 @@ class Plant:
             some = slice(begin, begin + RESET_BATCH)
             first[some], rows = self._kernel.disturbance.respond(noise[some], self.intervals)
             self._response[turbines[some]] = rows * level[some, None]
-        self._modes[turbines] = 0.0
+        self._state[turbines] = 0.0
         self._phase[turbines] = blade_azimuths(azimuth)
         self.elapsed[turbines] = 0
         self._command[turbines] = np.stack([flap_angle, flap_rate, np.zeros_like(flap_rate)], axis=1)
@@ -182,11 +180,14 @@ class Plant:
         motion, stopped = self.actuator.move(self._command)
         self._command[:, 0], self._command[:, 1] = motion[:, k], motion[:, 2 * k + 1]
         blades = self._components_to_blades()
-        self._components[:] = (motion @ (blades * self._weights).transpose(0, 2, 1)).reshape(n, -1)
+        # Views are taken here and not kept: a copied or pickled plant would lose them.
+        size = 2 * kernel.flap.decay.size
+        modes, components = self._state[:, :size].view(complex), self._state[:, size:]
+        components[:] = (motion @ (blades * self._weights).transpose(0, 2, 1)).reshape(n, -1)
         rows = self._state @ self._output
         rows += self._response[self._index, self.elapsed]
-        self._modes *= kernel.flap.decay
-        self._modes += (self._components @ kernel.flap.drive).view(complex)
+        modes *= kernel.flap.decay
+        modes += (components @ kernel.flap.drive).view(complex)
         self.elapsed += 1
         loads = rows[:, : kernel.rows.blade_rows].reshape(n, -1, 3) @ blades
         flat = rows[:, kernel.rows.blade_rows :].reshape(n, kernel.rows.kept, 3)

@@ -8,6 +8,11 @@ from flapgym.aeroelastic.model import save_model
 from tests.synthetic import synthetic_model
 
 
+@pytest.fixture(autouse=True)
+def _without_a_screen(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+
+
 @pytest.fixture(scope="session")
 def model_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "synthetic.safetensors"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import subprocess
 import sys
@@ -59,6 +60,23 @@ def test_the_spec_survives_pickle_and_json(model_file):
     first = env.reset(seed=3)[0]
     for spec in (pickle.loads(pickle.dumps(env.spec)), EnvSpec.from_json(env.spec.to_json())):
         np.testing.assert_array_equal(gymnasium.make(spec).reset(seed=3)[0], first)
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"]
+)
+def test_a_copy_made_in_mid_episode_goes_on_as_the_original(model_file, copied):
+    env = flapgym.envs.FlapEnv(model=model_file, measurement_noise=1e4)
+    env.reset(seed=3)
+    actions = np.random.default_rng(0).uniform(-1, 1, (40, 3))
+    for action in actions[:20]:
+        env.step(action)
+    twin = copied(env)
+    for action in actions[20:]:
+        expected, got = env.step(action), twin.step(action)
+        np.testing.assert_array_equal(got[0], expected[0])
+        assert got[1] == expected[1]
+    np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
 
 
 def test_an_episode_lasts_its_duration_and_is_truncated(model_file):

@@ -38,6 +38,11 @@ def no_load(time: float) -> tuple[Array, ...]:
     return ()
 
 
+def weightless(time: float) -> Array:
+    """Return no acceleration of free fall."""
+    return np.zeros(3)
+
+
 def support_body(turbine: Turbine) -> Body:
     """Tower, stiff link and shaft as one chain in the base frame; nacelle on the tower top, hub on the shaft's end."""
     tower, shaft = tower_beam(turbine), shaft_beam(turbine)
@@ -83,6 +88,9 @@ class MovingTurbine:
         Time [s] -> motion of the tower's base frame in its own axes; default at rest.
     load : callable
         Time [s] -> dead nodal loads (elements + 1, 6) in S axes on the first blades; default none.
+    gravity : callable
+        Time [s] -> acceleration of free fall (3,) [m/s^2] in base axes; default none. For a base that turns it
+        follows from `attitude.base_path`.
     """
 
     turbine: Turbine
@@ -90,6 +98,7 @@ class MovingTurbine:
     rotor_speed: float
     base: Callable[[float], FrameMotion] = at_rest
     load: Callable[[float], tuple[Array, ...]] = no_load
+    gravity: Callable[[float], Array] = weightless
     blades: tuple[Body, ...] = field(init=False)
     support: Body = field(init=False)
     hub: Array = field(init=False)
@@ -157,12 +166,15 @@ class MovingTurbine:
 
     def residual(self, motion: Motion) -> Array:
         """Return imbalance of forces and violation of the joint."""
-        frame = FrameMotion(motion.velocity[-6:], motion.acceleration[-6:])
+        axes, turn = self._hub(motion)[0], about_x(-self.rotor_speed * motion.time)
+        fall = self.gravity(motion.time)
+        frame = _falling(FrameMotion(motion.velocity[-6:], motion.acceleration[-6:]), turn @ axes.T @ fall)
+        base = _falling(self.base(motion.time), fall)
         loads, out = self.load(motion.time), np.zeros(self.size)
         resultant = _rigid_forces(self.hub, frame)
         for index, (body, own) in enumerate(zip(self.bodies, self.slices, strict=True)):
             rates, second = _nodes(motion.velocity[own]), _nodes(motion.acceleration[own])
-            carrier = frame if index < len(self.blades) else self.base(motion.time)
+            carrier = frame if index < len(self.blades) else base
             shape = motion.configuration[index]
             nodal, total = dynamic_forces(body, shape, rates, second, carrier)
             if index < len(loads):
@@ -172,9 +184,7 @@ class MovingTurbine:
             if index < len(self.blades):
                 resultant = resultant + total
             out[own] = nodal[1:].ravel()
-        axes, _ = self._hub(motion)
         joint, end = motion.multipliers, self.slices[-1].stop
-        turn = about_x(-self.rotor_speed * motion.time)
         out[end - 6 : end] -= np.concatenate([axes @ joint[:3], axes @ joint[3:]])
         out[end:] = resultant + np.concatenate([turn @ joint[:3], turn @ joint[3:]])
         return np.concatenate([out, self.constraint(motion)])
@@ -221,6 +231,11 @@ def turned(beam: Beam, azimuth: float) -> Beam:
 
 def _nodes(free: Array) -> Array:
     return np.concatenate([np.zeros(6), free]).reshape(-1, 6)
+
+
+def _falling(frame: FrameMotion, fall: Array) -> FrameMotion:
+    """The frame as inertia feels it under gravity: accelerated against the free fall (3,) in its axes."""
+    return FrameMotion(frame.velocity, frame.acceleration - np.append(fall, np.zeros(3)))
 
 
 def _rigid_forces(mass: Array, frame: FrameMotion) -> Array:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.structure import assemble, linear_blade, linear_support, parked_modes
+from flapgym.structure import assemble, linear_blade, linear_support, parked_modes, solve_equilibrium
+from flapgym.structure.body import linearise
 from flapgym.structure.joint import (
     accelerations,
     frozen_frequencies,
@@ -15,7 +16,9 @@ from flapgym.structure.joint import (
 )
 from flapgym.structure.rotating import multi_blade_matrices
 from flapgym.structure.rotation import about_x
+from flapgym.structure.support import LinearSupport
 from flapgym.turbine import load_turbine
+from tests.structure.beams import uniform_beam
 
 OMEGA = 77.0 / 63.0
 
@@ -122,3 +125,47 @@ def test_equal_blades_make_the_matrices_independent_of_azimuth_and_a_heavier_one
 def test_without_multi_blade_coordinates_the_couplings_depend_on_azimuth(blade, support) -> None:
     first, second = (assemble([blade] * 3, support, azimuth)[0][:216, 216:] for azimuth in (0.0, 0.5))
     assert np.abs(first - second).max() > 0.1 * np.abs(first).max()
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0, 2.0, 3.0])
+def test_a_rotor_on_one_sideways_spring_has_the_frequencies_of_the_two_mass_model(speed: float) -> None:
+    # Three uniform blades (EI = rho A = L = 1), soft in the plane, on a mass M held by a spring sideways. With y the
+    # hub and d the in-plane motion of a blade, a mass p^2 on a spring (first mode of a cantilever: p^2 = 0.6131):
+    #   (M + 3 m) y'' + k y + 3/2 p d_c'' = 0,  d_c'' + 2 Omega d_s' + (w^2 - Omega^2) d_c + p y'' = 0,
+    #   d_s'' - 2 Omega d_c' + (w^2 - Omega^2) d_s = 0,  w^2 = w_flap^2(Omega) - Omega^2 (Wright et al. 1982).
+    flapwise = {0.0: 3.5160, 1.0: 3.6816, 2.0: 4.1373, 3.0: 4.7973}[speed]
+    squared, part, hub_mass, spring = flapwise**2 - speed**2, np.sqrt(0.6131), 20.0, 60.0
+    mass = np.array([[hub_mass + 3.0, 1.5 * part, 0.0], [part, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    damping = 2.0 * speed * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    stiffness = np.diag([spring, squared - speed**2, squared - speed**2])
+    analytic = natural_frequencies(mass, damping, stiffness)[:3]
+
+    beam = uniform_beam(30, stiffness=(1e6, 1e6, 1e6, 1e3, 1.0, 1e3), rotary=(2e-5, 1e-5, 1e-5))
+    blade = linearise(beam, solve_equilibrium(beam, np.array([speed, 0.0, 0.0])), speed)
+    sideways = LinearSupport(
+        mass=np.array([[hub_mass]]),
+        damping=np.zeros((1, 1)),
+        stiffness=np.array([[spring]]),
+        hub=np.eye(6)[:, 1:2],
+        tower_top=np.eye(6)[:, 1:2],
+        apex=np.zeros(3),
+        shaft_axes=np.eye(3),
+        tower_position=np.zeros((1, 3)),
+    )
+    ours = natural_frequencies(*multi_blade_matrices([blade] * 3, sideways))
+    # Edgewise in the collective is decoupled from the hub; look for each analytic frequency.
+    nearest = [ours[np.abs(ours - value).argmin()] for value in analytic]
+    np.testing.assert_allclose(nearest, analytic, rtol=3e-3)
+
+
+def natural_frequencies(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Imaginary parts of the eigenvalues, ascending, positive ones."""
+    size = len(mass)
+    state = np.block(
+        [
+            [np.zeros((size, size)), np.eye(size)],
+            [-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)],
+        ]
+    )
+    values = np.linalg.eigvals(state).imag
+    return np.sort(values[values > 1e-6])

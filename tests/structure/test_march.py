@@ -2,15 +2,17 @@
 
 import numpy as np
 import pytest
+import scipy.integrate
 import scipy.linalg
 
 from flapgym.structure import assemble, linear_blade, linear_support
+from flapgym.structure.attitude import base_path, quaternion_matrix
 from flapgym.structure.body_motion import Body, FrameMotion
 from flapgym.structure.driven_beam import DrivenBeam
 from flapgym.structure.march import MarchError, march, start
 from flapgym.structure.multibody import MovingTurbine, support_body
 from flapgym.structure.rotating import component_weights, multi_blade_matrices
-from flapgym.structure.rotation import about_x
+from flapgym.structure.rotation import about_x, hat
 from flapgym.turbine import load_turbine
 from tests.structure.beams import random_beam, uniform_beam
 
@@ -223,3 +225,43 @@ def test_a_shaken_base_loads_the_turbine_as_inertia_does(turbine) -> None:
         history.append(q[276:279])
     linear = np.array(history[::10])
     assert np.abs(hub - hub[0] - linear).max() < 0.01 * np.abs(linear).max()
+
+
+def test_the_joint_carries_the_weight_of_the_rotor(turbine) -> None:
+    # Gravity comes on slowly; then lambda is the rotor's weight along the tilted shaft and across it.
+    weight = np.array([0.0, 0.0, -9.81])
+
+    def gravity(time: float) -> np.ndarray:
+        return weight * np.sin(np.pi * min(time, 20.0) / 40.0) ** 2
+
+    system = MovingTurbine(turbine, 12, 0.0, gravity=gravity)
+    last = march(system, system.steady(), 1.0, 30, 0.3)[-1]
+    mass = turbine.hub.mass + 3.0 * linear_blade(turbine, 12).mass_rr[0, 0]
+    axes = last.configuration[-1].orientation[-1] @ system.hub_axes
+    np.testing.assert_allclose(
+        last.multipliers[:3], mass * axes.T @ weight, rtol=5e-3, atol=5e-3 * mass * 9.81
+    )
+    # Upright but for the tilt and what the tower gives.
+    assert last.multipliers[0] == pytest.approx(mass * 9.81 * np.sin(turbine.rotor.tilt), rel=0.2)
+
+
+def test_attitude_of_a_base_is_the_integral_of_its_velocities() -> None:
+    def base(time: float) -> FrameMotion:
+        velocity = [np.cos(time), 0.3 * time, 1.0, 0.5 * np.cos(2.0 * time), np.sin(time), 0.3 + 0.2 * time]
+        return FrameMotion(np.array(velocity), np.zeros(6))
+
+    def rate(time: float, state: np.ndarray) -> np.ndarray:
+        turn, velocity = state[:9].reshape(3, 3), base(time).velocity
+        return np.concatenate([(turn @ hat(velocity[3:])).ravel(), turn @ velocity[:3]])
+
+    start_at = np.concatenate([np.eye(3).ravel(), np.zeros(3)])
+    exact = scipy.integrate.solve_ivp(rate, (0.0, 2.0), start_at, rtol=1e-12, atol=1e-12).y[:, -1]
+    errors = []
+    for steps in (20, 40):
+        quaternions, positions = base_path(base, 2.0 / steps, steps)
+        np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, rtol=1e-14)
+        turn = quaternion_matrix(quaternions[-1])
+        errors.append([np.abs(turn.ravel() - exact[:9]).max(), np.abs(positions[-1] - exact[9:]).max()])
+    (attitude, place), (finer_attitude, finer_place) = errors
+    assert finer_attitude < attitude / 12.0 < 1e-6
+    assert finer_place < place / 3.5 < 1e-3

@@ -7,7 +7,7 @@ import numpy as np
 from flapgym.structure.beam import Beam, Configuration
 from flapgym.structure.body import LinearBlade, linearise
 from flapgym.structure.equilibrium import solve_equilibrium
-from flapgym.structure.inertia import section_mass
+from flapgym.structure.inertia import distribution, section_mass
 from flapgym.structure.rotation import Array, about_y, about_z
 from flapgym.turbine import BladeSections, Turbine
 
@@ -88,3 +88,18 @@ def linear_blade(
     steps = 1 if load is None else LOAD_STEPS
     configuration = solve_equilibrium(beam, np.array([rotor_speed, 0.0, 0.0]), load, load_steps=steps)
     return linearise(beam, configuration, rotor_speed, load)
+
+
+def mean_gravity_load(turbine: Turbine, elements: int = 12) -> Array:
+    """Nodal loads (elements + 1, 6) [N, N m] in S axes of gravity's mean over a turn, for `linear_blade`.
+
+    Only the part along the tilted shaft stays: g sin(tilt) downwind. The load is dead and taken on the undeformed
+    blade; what bending does to the arms of the centres of gravity within the sections is left out.
+    """
+    beam = blade_beam(turbine, elements)
+    fall = np.array([turbine.gravity * np.sin(turbine.rotor.tilt), 0.0, 0.0])
+    accelerated = np.zeros((elements + 1, 4, 3))
+    accelerated[:, 0] = fall
+    weight = (distribution(beam) @ accelerated.reshape(-1, 3)).reshape(elements + 1, 4, 3)
+    directors = np.swapaxes(beam.reference.orientation, -1, -2)
+    return np.concatenate([weight[:, 0], np.cross(directors, weight[:, 1:]).sum(axis=1)], axis=1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flapgym.structure import linear_blade, linear_support
+from flapgym.structure import linear_blade, linear_support, mean_gravity_load
 from flapgym.turbine import load_turbine
 
 OMEGA = 77.0 / 63.0
@@ -95,3 +95,18 @@ def test_hub_gyroscopic_moment_is_the_textbook_one(turbine) -> None:
     expected = np.cross([0.0, 0.0, 1.0], [turbine.hub.inertia_about_shaft * OMEGA, 0.0, 0.0])
     np.testing.assert_allclose(moment[3:], expected, atol=1e-6)
     np.testing.assert_allclose(support.damping, -support.damping.T, atol=1e-9)
+
+
+def test_mean_gravity_is_the_blades_weight_down_the_shaft(turbine) -> None:
+    load = mean_gravity_load(turbine)
+    parked, hung = linear_blade(turbine, 12), linear_blade(turbine, 12, load=load)
+    weight = parked.mass_rr[0, 0] * turbine.gravity * np.sin(turbine.rotor.tilt)
+    np.testing.assert_allclose(load[:, :3].sum(axis=0), [weight, 0.0, 0.0], rtol=1e-12, atol=1e-9)
+    # The moment about the apex is the weight's at the centre of mass: mass_rr holds m and m x.
+    moments = (load[:, 3:] + np.cross(parked.position, load[:, :3])).sum(axis=0)
+    lever = parked.mass_rr[3:, 0] / parked.mass_rr[0, 0]
+    np.testing.assert_allclose(moments, weight * lever, rtol=1e-9, atol=1e-6)
+    # Downwind by what the linear blade gives, some ten centimetres.
+    sag = np.linalg.solve(parked.stiffness, load[1:].ravel())[-6]
+    assert hung.position[-1, 0] - parked.position[-1, 0] == pytest.approx(sag, rel=0.02)
+    assert sag > 0.05

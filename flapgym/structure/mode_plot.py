@@ -49,7 +49,7 @@ def plot_modes(turbine: Turbine, path: Path, elements: int = 48) -> None:
     from matplotlib.figure import Figure
 
     modes = sorted(named_modes(turbine, elements), key=lambda mode: mode.frequency)[:12]
-    figure = Figure(figsize=(13.0, 15.0), layout="constrained")
+    figure = Figure(figsize=(11.0, 13.0), layout="constrained")
     rest = turbine_lines(turbine, elements)
     for index, mode in enumerate(modes):
         axes: Any = figure.add_subplot(4, 3, index + 1, projection="3d")
@@ -65,4 +65,4 @@ def plot_modes(turbine: Turbine, path: Path, elements: int = 48) -> None:
         axes.set_zticks([0, 50, 100, 150])
         axes.view_init(elev=12.0, azim=-125.0)
     figure.suptitle(f"{turbine.name}, parked, {elements} elements a blade: wind from the left, lengths in m")
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=80)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -20,11 +19,13 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
+from flapgym.atomic import write_atomically
 from flapgym.state_space import Array, StateSpace
 
 FORMAT_VERSION = 1
 _SYSTEMS = ("turbine", "blade")
 _MATRICES = ("A", "B", "C", "D")
+_HASH_FREQUENCIES = (0.0, 0.3, 1.0, 3.0)  # Hz
 
 TURBINE_INPUTS = (
     "flap_angle_0",
@@ -100,8 +101,19 @@ class TurbineModel:
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 of the model's matrices: what an agent names to say which model it was made for."""
-        return _checksum(_tensors(self))
+        """SHA-256 of how the model answers: what an agent names to say which model it was made for.
+
+        Steady and dynamic responses, to a thousandth of each output's largest. It knows no coordinates, so a
+        rebuild of the same case on another machine, equal to rounding, has the same hash.
+        """
+        digest = hashlib.sha256(repr((self.wind_speed, self.rotor_speed, self.time_step)).encode())
+        for name in _SYSTEMS:
+            response = getattr(self, name).frequency_response(_HASH_FREQUENCIES)
+            largest = np.abs(response).max(axis=(0, 2), keepdims=True)
+            # Adding zero makes one zero of the two that rounding leaves.
+            parts = np.stack([response.real, response.imag]) / largest
+            digest.update((np.round(parts, 3) + 0.0).astype("<f8").tobytes())
+        return digest.hexdigest()
 
 
 def builtin_models() -> list[str]:
@@ -125,20 +137,10 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     for system in _SYSTEMS:
         part = getattr(model, system)
         header[system] = {"inputs": part.inputs, "outputs": part.outputs}
-    header["hash"] = model.hash
-    target = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    os.close(handle)
-    try:
-        # The header is one JSON text under a key of our own: safetensors metadata holds strings only.
-        safetensors.numpy.save_file(
-            tensors, temporary, metadata={"flapgym": json.dumps(header, sort_keys=True)}
-        )
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, target)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    header["checksum"] = _checksum(tensors)
+    # The header is one JSON text under a key of our own: safetensors metadata holds strings only.
+    metadata = {"flapgym": json.dumps(header, sort_keys=True)}
+    write_atomically(path, safetensors.numpy.save(tensors, metadata))
 
 
 def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
@@ -162,7 +164,7 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
         raise ValueError(f"model {path}: not a flapgym model file; make one with `flapgym build`")
     try:
         header = json.loads(metadata["flapgym"])
-        version, checksum = header["format_version"], header.pop("hash")
+        version, checksum = header["format_version"], header.pop("checksum")
     except (ValueError, KeyError) as error:
         raise ValueError(f"model {path}: damaged header ({error}); build it again") from None
     if version != FORMAT_VERSION:

@@ -136,6 +136,7 @@ def test_reduced_rotor_follows_the_marched_wake_when_one_flap_steps(rotor):
 def test_shipped_model_is_what_the_case_builds(rebuilt):
     shipped = load_model()
     assert shipped.inputs_hash == rebuilt.inputs_hash == CASE.hash()
+    assert shipped.hash == rebuilt.hash
     for name in ("turbine", "blade"):
         ours, theirs = (getattr(m, name).frequency_response(FREQUENCY) for m in (shipped, rebuilt))
         scale = np.abs(theirs).max(axis=(0, 2))[None, :, None]

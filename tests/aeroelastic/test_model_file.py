@@ -68,7 +68,7 @@ def test_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
     def fail(*args, **kwargs):
         raise OSError("disk full")
 
-    monkeypatch.setattr("flapgym.aeroelastic.model.safetensors.numpy.save_file", fail)
+    monkeypatch.setattr("flapgym.atomic.os.replace", fail)
     with pytest.raises(OSError, match="disk full"):
         save_model(load_model(), path)
     assert path.read_text() == "old"

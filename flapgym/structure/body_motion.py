@@ -70,7 +70,12 @@ def dynamic_forces(
     """
     points, rates, second = _points(configuration, velocity, acceleration)
     spin, turning = frame.velocity[3:], frame.acceleration[3:]
-    second += 2.0 * np.cross(spin, rates) + np.cross(turning, points) + np.cross(spin, np.cross(spin, points))
+    second = (
+        second
+        + 2.0 * np.cross(spin, rates)
+        + np.cross(turning, points)
+        + np.cross(spin, np.cross(spin, points))
+    )
     second[:, 0] += frame.acceleration[:3] + np.cross(spin, frame.velocity[:3])
     momentum_rate = (body.distribution @ second.reshape(-1, 3)).reshape(points.shape)
     moments = np.cross(points[:, 1:], momentum_rate[:, 1:]).sum(axis=1)

@@ -1,9 +1,14 @@
 """Inertia matrices against Newton's second law for the particles a body consists of."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from flapgym.structure.beam import Beam, Configuration
+from flapgym.structure.beam import Beam, Configuration, tangent
+from flapgym.structure.body_motion import Body, FrameMotion, dynamic_forces
 from flapgym.structure.inertia import distribution, linearise_inertia, steady_force
 from flapgym.structure.rotation import hat, rotation_matrix
 from tests.structure.beams import random_beam
@@ -106,3 +111,52 @@ def test_rigid_inertia_of_a_straight_bar_is_the_textbook_one() -> None:
     rigid = linearise_inertia(distribution(beam), beam.reference, np.zeros(3)).mass_rr
     total, about_end = density * length, density * length**3 / 3.0
     np.testing.assert_allclose(np.diag(rigid), [total] * 3 + [about_end, about_end, 0.0], atol=1e-12)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.4))
+def test_matrices_are_the_derivatives_of_the_non_linear_forces(seed: int, amplitude: float) -> None:
+    # By complex step, about a randomly deformed beam at rest in a frame that turns about any axis.
+    rng = np.random.default_rng(seed)
+    beam = random_beam(2, seed)
+    state = beam.reference.moved(amplitude * rng.normal(size=(3, 6)))
+    spin, body = rng.normal(size=3), Body.of(beam)
+    matrices = linearise_inertia(body.distribution, state, spin)
+    elastic = np.vstack([tangent(beam, state), np.zeros((6, 18))])
+    step, steady = 1e-30, np.append(np.zeros(3), spin)
+
+    def derivative(
+        size: int, push: Callable[[np.ndarray], tuple[Configuration, np.ndarray, np.ndarray, FrameMotion]]
+    ) -> np.ndarray:
+        columns = []
+        for column in range(size):
+            direction = np.zeros(size, dtype=complex)
+            direction[column] = 1j * step
+            nodal, resultant = dynamic_forces(body, *push(direction))
+            columns.append(np.append(nodal.ravel(), resultant).imag / step)
+        return np.array(columns).T
+
+    zero, still = np.zeros((3, 6)), FrameMotion(steady, np.zeros(6))
+    for computed, expected in (
+        (
+            derivative(18, lambda d: (state.moved(d.reshape(3, 6)), zero, zero, still)),
+            elastic + np.vstack([matrices.stiffness, matrices.stiffness_rs]),
+        ),
+        (
+            derivative(18, lambda d: (state, d.reshape(3, 6), zero, still)),
+            np.vstack([matrices.damping, matrices.damping_rs]),
+        ),
+        (
+            derivative(18, lambda d: (state, zero, d.reshape(3, 6), still)),
+            np.vstack([matrices.mass, matrices.mass_rs]),
+        ),
+        (
+            derivative(6, lambda d: (state, zero, zero, FrameMotion(steady + d, np.zeros(6)))),
+            np.vstack([matrices.damping_sr, matrices.damping_rr]),
+        ),
+        (
+            derivative(6, lambda d: (state, zero, zero, FrameMotion(steady, d))),
+            np.vstack([matrices.mass_sr, matrices.mass_rr]),
+        ),
+    ):
+        np.testing.assert_allclose(computed, expected, atol=1e-12 * max(1.0, np.abs(expected).max()))

@@ -197,6 +197,24 @@ def test_linear_turbine_is_the_limit_of_the_non_linear_one_for_small_motion(turb
     assert (np.array(errors[1]) < 0.35 * np.array(errors[0])).all()
 
 
+def test_energy_of_the_turning_turbine_is_the_work_of_push_and_drive(turbine) -> None:
+    # The drive that holds Omega does the work -lambda_x Omega, lambda_x being the rotor's torque on the shaft.
+    push, time_step = tip_push(1e5), 0.02
+    system = MovingTurbine(turbine, 12, OMEGA, load=push)
+    motions = march(system, system.steady(), time_step, 30, 0.9)
+
+    def power(motion) -> float:
+        position = motion.configuration[0].position[-1]
+        tip = motion.velocity[66:69] + motion.velocity[-6:-3] + np.cross(motion.velocity[-3:], position)
+        return push(motion.time)[0][-1, :3] @ tip - OMEGA * motion.multipliers[3]
+
+    powers, energies = (np.array([f(motion) for motion in motions]) for f in (power, system.energy))
+    work = np.concatenate([[0.0], np.cumsum(0.5 * time_step * (powers[1:] + powers[:-1]))])
+    gained = energies - energies[0]
+    assert np.abs(gained).max() > 1e5
+    np.testing.assert_allclose(gained, work, atol=0.01 * np.abs(gained).max())
+
+
 def test_a_shaken_base_loads_the_turbine_as_inertia_does(turbine) -> None:
     # Parked; base acceleration a acts as the load -M T a, T the unit translation of the support.
     h, steps, size = 0.02, 30, 0.02

@@ -9,26 +9,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from flapgym.envs.observation import QUANTITIES
-from flapgym.turbine.fields import Count, Quantity, Text, check_fields, check_keys, read
+from flapgym.turbine.fields import Choice, Count, Quantity, Text, check_fields, check_keys, read
 
 BLADE_QUANTITIES = tuple(name for name, quantity in QUANTITIES.items() if quantity.size == 3)
-
-
-@dataclass(frozen=True)
-class Choice:
-    """One of a few words."""
-
-    words: tuple[str, ...]
-
-    def parse(self, value: object, name: str) -> str:
-        """Read a TOML value."""
-        return self.check(value, name)
-
-    def check(self, value: object, name: str) -> str:
-        """Refuse another word."""
-        if value not in self.words:
-            raise ValueError(f"{name}: expected one of {', '.join(self.words)}, got {value!r}")
-        return str(value)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from flapgym.state_space import StateSpace
 
@@ -27,6 +26,8 @@ def realise(
     rng : numpy.random.Generator
         Source of the noise.
     """
+    from scipy.signal import lfilter  # half a second to import, and an environment does without this function
+
     if steps < 1 or count < 1:
         raise ValueError(f"realise.steps, count: expected at least one, got {steps} and {count}")
     order = shaping_filter.order

@@ -45,7 +45,7 @@ def random_beam(elements: int, seed: int) -> Beam:
     """Crooked, twisted beam with full random section stiffness and mass."""
     rng = np.random.default_rng(seed)
     position = np.cumsum(rng.normal(size=(elements + 1, 3)) + [0.0, 0.0, 2.0], axis=0)
-    orientation = rotation_matrix(0.5 * rng.normal(size=(elements + 1, 3)))
+    orientation = rotation_matrix(rng.uniform(-0.5, 0.5, size=(elements + 1, 3)))
     root = rng.normal(size=(elements, 6, 6))
     # A rotary inertia that some cloud of particles has: tr(E) - E of its second moments E.
     cloud = 0.5 * rng.normal(size=(elements, 3, 3))

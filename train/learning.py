@@ -116,6 +116,8 @@ def learner(training: Training, env: Scaled, seed: int, tensorboard: str | None)
         gradient_steps=chosen.gradient_steps,
         tau=chosen.target_rate,
         learning_starts=chosen.warm_up,
+        ent_coef=f"auto_{chosen.initial_entropy_weight}",
+        target_entropy=chosen.target_entropy,
         policy_kwargs=policy,
     )
 

@@ -90,6 +90,8 @@ class SACSettings:
     discount: Annotated[float, Discount]
     target_rate: Annotated[float, Share]
     warm_up: Annotated[int, Count(at_least=1)]
+    initial_entropy_weight: Annotated[float, Positive]
+    target_entropy: Annotated[float, Quantity("number")]
 
     def __post_init__(self) -> None:
         check_fields(self, "sac")

@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.aeroelastic.model import TurbineModel
 from flapgym.envs.fleet import Fleet, Info
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
@@ -120,7 +121,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         )
 
     @property
-    def model(self) -> Any:
+    def model(self) -> TurbineModel:
         """The turbine model behind the environment."""
         return self._fleet.model
 

@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.aeroelastic.model import TurbineModel
 from flapgym.envs.fleet import Fleet, Info
 from flapgym.envs.settings import Settings
 from flapgym.state_space import Array
@@ -70,7 +71,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._observation = np.zeros(self.observation_space.shape or (), dtype=np.float32)
 
     @property
-    def model(self) -> Any:
+    def model(self) -> TurbineModel:
         """The turbine model behind the environments."""
         return self._fleet.model
 

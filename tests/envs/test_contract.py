@@ -92,6 +92,15 @@ def test_an_episode_lasts_its_duration_and_is_truncated(model_file):
         env.unwrapped.step(np.zeros(3))
 
 
+def test_only_a_state_that_is_not_finite_terminates(model_file):
+    env = flapgym.envs.FlapEnv(model=model_file)
+    env.reset(seed=0)
+    env._fleet.plant._state[0, 0] = np.nan
+    _, _, terminated, truncated, _ = env.step(np.zeros(3))
+    assert terminated
+    assert not truncated
+
+
 def test_the_reward_is_minus_the_mean_square_of_every_sample_plus_the_named_terms(model_file):
     env = _make(
         model_file,

@@ -13,6 +13,7 @@ from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import (
     BladeController,
     PDGains,
+    RotorController,
     Stability,
     Weights,
     closed_loop,
@@ -31,7 +32,8 @@ PEAK_FACTOR = 4.0
 TOLERANCE = 0.005
 """How closely the largest angle is brought to its stop."""
 
-Design = Callable[[float], BladeController]
+LinearController = BladeController | RotorController
+Design = Callable[[float], LinearController]
 """A controller from the one number the rule raises."""
 
 
@@ -41,12 +43,12 @@ class Tuned:
 
     Attributes
     ----------
-    agent : BladeController
+    agent : BladeController or RotorController
     design : dict
         Weights or gains, margin and measured values, plain numbers.
     """
 
-    agent: BladeController
+    agent: LinearController
     design: dict[str, float]
 
 
@@ -69,7 +71,7 @@ class Bench:
     duration: float
     advanced: Callable[[str], None]
 
-    def measure(self, agent: BladeController, free: bool = False) -> Metrics:
+    def measure(self, agent: LinearController, free: bool = False) -> Metrics:
         """Metrics on the tuning realisations; `free` takes the stops of angle and rate out of the way."""
         self.advanced(agent.name)
         model = self.model
@@ -82,7 +84,7 @@ class Bench:
         first = self.tuning.seed
         return measure(simulate(agent, model, range(first, first + self.tuning.realisations), self.duration))
 
-    def stroke(self, agent: BladeController) -> float:
+    def stroke(self, agent: LinearController) -> float:
         """Largest use of the stops the controller would make: of the angle's or of the rate's, whichever is more."""
         free = self.measure(agent, free=True)
         angle = free.flap_angle_max.max() / self.model.flap_angle_limit
@@ -94,7 +96,7 @@ def tune_lqg(bench: Bench) -> Tuned:
     found = []
     for candidate in bench.tuning.lqg:
 
-        def design(weight: float, candidate: LQGCandidate = candidate) -> BladeController:
+        def design(weight: float, candidate: LQGCandidate = candidate) -> LinearController:
             return lqg_agent("lqg", bench.model, _weights(candidate, weight))
 
         weight = meet_the_stops(bench, design, 1e-3)
@@ -114,10 +116,10 @@ def tune_lqg(bench: Bench) -> Tuned:
 def tune_saturating(bench: Bench) -> Tuned:
     """The heaviest weight the margin allows, for each candidate; of these the least rms."""
 
-    def designs() -> Iterable[tuple[BladeController, dict[str, float]]]:
+    def designs() -> Iterable[tuple[LinearController, dict[str, float]]]:
         for candidate in bench.tuning.lqg_saturating:
 
-            def design(weight: float, candidate: LQGCandidate = candidate) -> BladeController:
+            def design(weight: float, candidate: LQGCandidate = candidate) -> LinearController:
                 return lqg_agent("lqg_saturating", bench.model, _weights(candidate, weight))
 
             weight = heaviest(bench, design)
@@ -129,7 +131,7 @@ def tune_saturating(bench: Bench) -> Tuned:
 def tune_pd(bench: Bench) -> Tuned:
     """The paper's rule for every candidate; of those with the margin the least rms."""
 
-    def designs() -> Iterable[tuple[BladeController, dict[str, float]]]:
+    def designs() -> Iterable[tuple[LinearController, dict[str, float]]]:
         for candidate in bench.tuning.pd:
 
             def design(gain: float, candidate: PDCandidate = candidate) -> BladeController:
@@ -202,7 +204,7 @@ def heaviest(bench: Bench, design: Design, lowest: float = 0.1, highest: float =
     return lowest
 
 
-def _least_rms(bench: Bench, designs: Iterable[tuple[BladeController, dict[str, float]]]) -> Tuned:
+def _least_rms(bench: Bench, designs: Iterable[tuple[LinearController, dict[str, float]]]) -> Tuned:
     best: Tuned | None = None
     for agent, numbers in designs:
         judged = stability(bench.model, agent.system)
@@ -216,7 +218,7 @@ def _least_rms(bench: Bench, designs: Iterable[tuple[BladeController, dict[str, 
     return best
 
 
-def _tuned(bench: Bench, agent: BladeController, judged: Stability, numbers: dict[str, float]) -> Tuned:
+def _tuned(bench: Bench, agent: LinearController, judged: Stability, numbers: dict[str, float]) -> Tuned:
     """Numbers of the design with what it does behind the real stops."""
     metrics = bench.measure(agent)
     return Tuned(

@@ -4,17 +4,20 @@ from flapgym.control.agent import Agent, OpenLoop
 from flapgym.control.agent_files import AGENT_NAMES, load_agent, made_for, save_agent
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, stability, stationary_rms
-from flapgym.control.lqg import Weights, design_model, lqg_agent, synthesise
+from flapgym.control.lqg import DesignModel, Weights, design_model, lqg_agent, synthesise, white_wind
 from flapgym.control.pd import PDGains, pd_agent
 from flapgym.control.policy import Policy
+from flapgym.control.rotor_controller import RotorController
 
 __all__ = [
     "AGENT_NAMES",
     "Agent",
     "BladeController",
+    "DesignModel",
     "OpenLoop",
     "PDGains",
     "Policy",
+    "RotorController",
     "Stability",
     "Weights",
     "closed_loop",
@@ -27,4 +30,5 @@ __all__ = [
     "stability",
     "stationary_rms",
     "synthesise",
+    "white_wind",
 ]

@@ -22,7 +22,9 @@ from flapgym.aeroelastic.model import TurbineModel
 from flapgym.atomic import write_atomically
 from flapgym.control.agent import Agent, OpenLoop
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
+from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.policy import Policy
+from flapgym.control.rotor_controller import RotorController
 from flapgym.state_space import Array, StateSpace
 
 FORMAT_VERSION = 1
@@ -52,16 +54,20 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     try:
         if header["kind"] == "blade_controller":
             return _blade_controller(header, tensors, model)
+        if header["kind"] == "rotor_controller":
+            return _rotor_controller(header, tensors, model)
         if header["kind"] == "policy":
             return _policy(header, tensors)
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"agent {path}: missing or wrong entry {error}") from None
-    raise ValueError(f"agent {path}: kind: expected blade_controller or policy, got {header['kind']!r}")
+    raise ValueError(
+        f"agent {path}: kind: expected blade_controller, rotor_controller or policy, got {header['kind']!r}"
+    )
 
 
 def save_agent(
     path: str | os.PathLike[str],
-    agent: BladeController | Policy,
+    agent: BladeController | RotorController | Policy,
     model: TurbineModel,
     description: str,
     design: Mapping[str, Any],
@@ -72,7 +78,7 @@ def save_agent(
     ----------
     path : path
         Ends in .json.
-    agent : BladeController or Policy
+    agent : BladeController, RotorController or Policy
         What to save.
     model : TurbineModel
         What it was made for.
@@ -92,8 +98,11 @@ def save_agent(
         "model_hash": model.hash,
         "design": dict(design),
     }
-    if isinstance(agent, BladeController):
-        header |= {"kind": "blade_controller", "time_step": agent.system.time_step}
+    if isinstance(agent, BladeController | RotorController):
+        kind = "blade_controller" if isinstance(agent, BladeController) else "rotor_controller"
+        header |= {"kind": kind, "time_step": agent.system.time_step}
+        if isinstance(agent, RotorController):
+            header["multiblade"] = agent.channels == MULTIBLADE
         tensors = {key: getattr(agent.system, key) for key in "ABCD"} | {"start": agent.start}
     else:
         header |= {
@@ -152,20 +161,36 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
 def _blade_controller(
     header: Mapping[str, Any], tensors: Mapping[str, Array], model: TurbineModel
 ) -> BladeController:
+    system = _system(header, tensors, model, CONTROLLER_INPUTS, CONTROLLER_OUTPUTS)
+    return BladeController(
+        header["name"], system, tensors["start"], model.acceleration_limit, header["model_hash"]
+    )
+
+
+def _rotor_controller(
+    header: Mapping[str, Any], tensors: Mapping[str, Array], model: TurbineModel
+) -> RotorController:
+    channels = MULTIBLADE if header["multiblade"] else ROTOR
+    system = _system(header, tensors, model, channels.inputs, channels.outputs)
+    return RotorController(
+        header["name"], system, tensors["start"], model.acceleration_limit, header["model_hash"]
+    )
+
+
+def _system(
+    header: Mapping[str, Any],
+    tensors: Mapping[str, Array],
+    model: TurbineModel,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+) -> StateSpace:
     if header["time_step"] != model.time_step:
         raise ValueError(
             f"agent {header['name']}: time_step: designed for {header['time_step']} s, "
             f"the model {model.name} steps {model.time_step} s; tune it again for this model"
         )
-    system = StateSpace(
-        **{key: tensors[key] for key in "ABCD"},
-        time_step=header["time_step"],
-        inputs=CONTROLLER_INPUTS,
-        outputs=CONTROLLER_OUTPUTS,
-    )
-    return BladeController(
-        header["name"], system, tensors["start"], model.acceleration_limit, header["model_hash"]
-    )
+    matrices = {key: tensors[key] for key in "ABCD"}
+    return StateSpace(**matrices, time_step=header["time_step"], inputs=inputs, outputs=outputs)
 
 
 def _policy(header: Mapping[str, Any], tensors: Mapping[str, Array]) -> Policy:

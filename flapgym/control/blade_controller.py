@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control.agent import Array, Floats, by_blade
+from flapgym.control.channels import BLADE
 from flapgym.state_space import StateSpace
 
-CONTROLLER_INPUTS = ("rbm", "flap_angle", "flap_rate")
-CONTROLLER_OUTPUTS = ("acceleration",)
+CONTROLLER_INPUTS = BLADE.inputs
+CONTROLLER_OUTPUTS = BLADE.outputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,19 +61,7 @@ class BladeController:
             raise ValueError(
                 f"agent {self.name}: start: expected shape {(s.order, 3)}, got {self.start.shape}"
             )
-        # One product a step: [state, input] -> [next state, action].
-        object.__setattr__(
-            self,
-            "_step",
-            np.ascontiguousarray(
-                np.vstack(
-                    [
-                        np.hstack([s.A.T, s.C.T / self.acceleration_limit]),
-                        np.hstack([s.B.T, s.D.T / self.acceleration_limit]),
-                    ]
-                )
-            ),
-        )
+        object.__setattr__(self, "_step", one_product(s, self.acceleration_limit))
 
     def predict(
         self,
@@ -93,3 +82,15 @@ class BladeController:
         after = np.concatenate([state, measured], axis=-1) @ self._step
         action = np.clip(after[..., order], -1.0, 1.0).astype(np.float32)
         return action, after[..., :order]
+
+
+def one_product(system: StateSpace, acceleration_limit: float) -> Array:
+    """A controller's step as one matrix: [state, input] times it is [next state, action]."""
+    return np.ascontiguousarray(
+        np.vstack(
+            [
+                np.hstack([system.A.T, system.C.T / acceleration_limit]),
+                np.hstack([system.B.T, system.D.T / acceleration_limit]),
+            ]
+        )
+    )

@@ -1,7 +1,8 @@
-"""The whole turbine with a controller on each blade, as one time-invariant system (extends paper eq. 14).
+"""The whole turbine with a controller on its flaps, as one time-invariant system (extends paper eq. 14).
 
-In multi-blade coordinates the three copies rotate as the whirl aerodynamics do: what a copy carries from one step to
-the next is expressed in axes that have turned by Omega dt. Stops are left out; up to them this is exact.
+In multi-blade coordinates three copies of a blade's controller rotate as the whirl aerodynamics do: what a copy carries
+from one step to the next is expressed in axes that have turned by Omega dt. Stops are left out; up to them this is
+exact.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flapgym.aeroelastic.model import TurbineModel
+from flapgym.control.channels import BLADE, ROTOR, controller_channels
 from flapgym.state_space import Array, StateSpace, series
 from flapgym.turbulence import von_karman_filter
 
@@ -18,38 +20,55 @@ LARGEST_EFFECTIVENESS = 8.0
 """Where the search for the stability margin ends."""
 
 
-def closed_loop(model: TurbineModel, controller: StateSpace, effectiveness: float = 1.0) -> StateSpace:
-    """Input "wind" [m/s]; outputs those of the turbine, then flap angle, rate and acceleration (0, c, s).
+def closed_loop(
+    model: TurbineModel,
+    controller: StateSpace,
+    effectiveness: float = 1.0,
+    plant: StateSpace | None = None,
+) -> StateSpace:
+    """Inputs "wind" [m/s] and measurement noise [N m]; outputs of the plant, then flap angle, rate and acceleration.
 
     Parameters
     ----------
     model : TurbineModel
         The turbine.
     controller : StateSpace
-        Of one blade, as `BladeController` takes it.
+        Of one blade, as `BladeController` takes it, or of the rotor in the plant's frame.
     effectiveness : float
         Factor on everything the flaps do to the turbine, which the controller does not know of.
+    plant : StateSpace, optional
+        What the loop is closed on, three blades in either frame; by default the turbine. A controller in the blades'
+        own frames has a time-invariant loop only with a plant in those, as a turbine frozen at an azimuth.
     """
-    turbine = with_effectiveness(model.turbine, effectiveness)
-    copies = _three_copies(controller, model.rotor_speed)
-    n, m = turbine.order, copies.order
-    b_flap, b_wind = turbine.B[:, :6], turbine.B[:, 6:]
-    d_flap, d_wind = turbine.D[:3, :6], turbine.D[:3, 6:]
-    # Flap motion is a state of the copies, so nothing here is an algebraic loop.
-    rbm_x, rbm_c = turbine.C[:3], d_flap @ copies.C[:6]
-    a = np.block([[turbine.A, b_flap @ copies.C[:6]], [copies.B @ rbm_x, copies.A + copies.B @ rbm_c]])
-    b = np.vstack([b_wind, copies.B @ d_wind])
-    flap = np.hstack([copies.D[6:] @ rbm_x, copies.C[6:] + copies.D[6:] @ rbm_c])
+    plant = with_effectiveness(model.turbine if plant is None else plant, effectiveness)
+    frame = controller_channels(plant.inputs)
+    plant = plant.select(inputs=[*frame.inputs[3:], "wind"])
+    flaps = _flaps(_in_frame(controller, model, plant), frame.turn(model.rotor_speed * model.time_step))
+    n, m = plant.order, flaps.order
+    rows = [plant.outputs.index(name) for name in frame.named("rbm")]
+    b_flap, b_wind = plant.B[:, :6], plant.B[:, 6:]
+    rbm_x, d_flap, d_wind = plant.C[rows], plant.D[rows, :6], plant.D[rows, 6:]
+    # Flap motion is a state of the flaps, so nothing here is an algebraic loop.
+    rbm_c = d_flap @ flaps.C[:6]
+    a = np.block([[plant.A, b_flap @ flaps.C[:6]], [flaps.B @ rbm_x, flaps.A + flaps.B @ rbm_c]])
+    b = np.block([[b_wind, np.zeros((n, 3))], [flaps.B @ d_wind, flaps.B]])
     c = np.vstack(
         [
-            np.hstack([turbine.C, turbine.D[:, :6] @ copies.C[:6]]),
-            np.hstack([np.zeros((6, n)), copies.C[:6]]),
-            flap,
+            np.hstack([plant.C, plant.D[:, :6] @ flaps.C[:6]]),
+            np.hstack([np.zeros((6, n)), flaps.C[:6]]),
+            np.hstack([flaps.D[6:] @ rbm_x, flaps.C[6:] + flaps.D[6:] @ rbm_c]),
         ]
     )
-    d = np.vstack([turbine.D[:, 6:], np.zeros((6, 1)), copies.D[6:] @ d_wind])
+    d = np.block(
+        [
+            [plant.D[:, 6:], np.zeros((len(plant.outputs), 3))],
+            [np.zeros((6, 4))],
+            [flaps.D[6:] @ d_wind, flaps.D[6:]],
+        ]
+    )
     assert a.shape == (n + m, n + m)
-    return StateSpace(a, b, c, d, model.time_step, ("wind",), turbine.outputs + copies.outputs)
+    names = [*frame.named("flap_angle"), *frame.named("flap_rate"), *frame.named("flap_acceleration")]
+    return StateSpace(a, b, c, d, model.time_step, ("wind", *frame.named("noise")), (*plant.outputs, *names))
 
 
 def with_effectiveness(turbine: StateSpace, effectiveness: float) -> StateSpace:
@@ -58,38 +77,47 @@ def with_effectiveness(turbine: StateSpace, effectiveness: float) -> StateSpace:
     return replace(turbine, B=turbine.B * factor, D=turbine.D * factor)
 
 
-def _three_copies(controller: StateSpace, rotor_speed: float) -> StateSpace:
-    """Actuator and controller of the three blades in multi-blade coordinates.
+def _in_frame(controller: StateSpace, model: TurbineModel, plant: StateSpace) -> StateSpace:
+    """The controller of three flaps in the plant's frame: three copies, if it is of one blade."""
+    frame, own = controller_channels(plant.inputs), controller_channels(controller.inputs)
+    if own == frame:
+        return controller
+    if own != BLADE:
+        raise ValueError(
+            f"closed_loop: a controller of {', '.join(own.named('rbm'))} has no time-invariant loop with a plant of "
+            f"{', '.join(frame.named('rbm'))}"
+        )
+    turn = frame.turn(model.rotor_speed * model.time_step)
+    each = np.eye(3)
+    return StateSpace(
+        A=np.asarray(np.kron(turn, controller.A)),
+        B=np.hstack([np.kron(turn, column[:, None]) for column in controller.B.T]),
+        C=np.asarray(np.kron(each, controller.C)),
+        D=np.hstack([np.kron(each, column[:, None]) for column in controller.D.T]),
+        time_step=controller.time_step,
+        inputs=frame.inputs,
+        outputs=frame.outputs,
+    )
 
-    Inputs rbm (0, c, s); outputs flap angle, rate and acceleration (0, c, s). States [collective, cosine, sine] of
-    [flap angle, rate, controller].
+
+def _flaps(controller: StateSpace, turn: Array) -> StateSpace:
+    """Double integrators and controller of the three flaps: from moments to angles, rates and accelerations.
+
+    States [angles, rates, controller].
     """
     dt, m = controller.time_step, controller.order
-    to_rbm, to_flap = controller.B[:, :1], controller.B[:, 1:]
-    kick = np.array([[0.5 * dt**2], [dt]])
-    a = np.block(
-        [
-            [np.array([[1.0, dt], [0.0, 1.0]]) + kick @ controller.D[:, 1:], kick @ controller.C],
-            [to_flap, controller.A],
-        ]
-    )
-    b = np.vstack([kick @ controller.D[:, :1], to_rbm])
-    angle, rate = np.eye(2, m + 2)[:1], np.eye(2, m + 2)[1:]
-    acceleration = np.hstack([controller.D[:, 1:], controller.C])
-    cosine, sine = np.cos(rotor_speed * dt), np.sin(rotor_speed * dt)
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
-    each = np.eye(3)
-    axes = ("0", "c", "s")
+    to_rbm, to_flap = controller.B[:, :3], controller.B[:, 3:]
+    kick = np.kron([[0.5 * dt**2], [dt]], turn)
+    drift = np.kron([[1.0, dt], [0.0, 1.0]], turn)
+    a = np.block([[drift + kick @ controller.D[:, 3:], kick @ controller.C], [to_flap, controller.A]])
     return StateSpace(
-        A=np.kron(turn, a),
-        B=np.kron(turn, b),
-        C=np.vstack([np.kron(each, angle), np.kron(each, rate), np.kron(each, acceleration)]),
-        D=np.vstack([np.zeros((6, 3)), controller.D[0, 0] * each]),
+        A=a,
+        B=np.vstack([kick @ controller.D[:, :3], to_rbm]),
+        C=np.vstack([np.eye(6, m + 6), np.hstack([controller.D[:, 3:], controller.C])]),
+        D=np.vstack([np.zeros((6, 3)), controller.D[:, :3]]),
         time_step=dt,
-        inputs=tuple(f"rbm_{axis}" for axis in axes),
-        outputs=tuple(
-            f"{name}_{axis}" for name in ("flap_angle", "flap_rate", "flap_acceleration") for axis in axes
-        ),
+        inputs=controller.inputs[:3],
+        outputs=(*controller.inputs[3:], *controller.outputs),
     )
 
 
@@ -128,12 +156,30 @@ def stability(model: TurbineModel, controller: StateSpace, tolerance: float = 0.
 
 
 def stationary_rms(
-    model: TurbineModel, controller: StateSpace | None = None, filter_order: int = 5
+    model: TurbineModel,
+    controller: StateSpace | None = None,
+    filter_order: int = 5,
+    *,
+    effectiveness: float = 1.0,
+    length_scale: float | None = None,
+    measurement_noise: float = 0.0,
+    plant: StateSpace | None = None,
 ) -> dict[str, float]:
-    """Rms of a blade's moment, tip deflection, flap motion and of the tower under the reference turbulence.
+    """Rms of a blade's moment, tip deflection, flap motion and of the tower under turbulence.
 
     From the Lyapunov equation of the linear system: what any simulation that stays off the stops must come to. Blade
     signals are averaged over azimuth, so over blades: variance P_00 + (P_cc + P_ss) / 2.
+
+    Parameters
+    ----------
+    model, controller, effectiveness, plant
+        As of `closed_loop`; no controller means the open loop.
+    filter_order : int
+        Of the turbulence filter.
+    length_scale : float, optional
+        Of the turbulence [m]; by default the reference's.
+    measurement_noise : float
+        Rms of white noise on each blade's measured moment [N m]; what is reported is the true moment.
 
     Returns
     -------
@@ -141,19 +187,30 @@ def stationary_rms(
         "rbm" [N m], "tip_deflection" [m], "tower_fore_aft", "tower_side_side" [m], "wind" [m/s]; with a controller also
         "flap_angle" [rad], "flap_rate" [rad/s] and "flap_acceleration" [rad/s^2].
     """
+    length = model.length_scale if length_scale is None else length_scale
     wind = von_karman_filter(
-        model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, filter_order
+        model.wind_speed, model.turbulence_intensity, length, model.time_step, filter_order
     )
-    system = model.turbine.select(inputs=["wind"]) if controller is None else closed_loop(model, controller)
+    plant = model.turbine if plant is None else plant
+    channels = controller_channels(plant.inputs)
+    noise = np.array([])
+    if controller is None:
+        system = plant.select(inputs=["wind"])
+    else:
+        system = closed_loop(model, controller, effectiveness, plant)
+        noise = measurement_noise * np.sqrt(channels.noise)
     driven = series(wind, system)
+    drive = np.concatenate([[1.0], noise])
+    driven = replace(driven, B=driven.B * drive, D=driven.D * drive)
     covariance = driven.stationary_covariance()
     output: Array = np.diag(driven.C @ covariance @ driven.C.T + driven.D @ driven.D.T)
     variance = dict(zip(driven.outputs, output, strict=True))
+    share = np.array(channels.weight) / (3.0 if channels == ROTOR else 1.0)
     result = {"wind": model.turbulence_intensity * model.wind_speed}
-    for name in [name for name in variance if name.endswith("_0")]:
-        signal = name.removesuffix("_0")
-        mean_square = variance[name] + 0.5 * (variance[f"{signal}_c"] + variance[f"{signal}_s"])
-        result[signal] = float(np.sqrt(mean_square))
+    signals = ["rbm", "tip_deflection"]
+    signals += [] if controller is None else ["flap_angle", "flap_rate", "flap_acceleration"]
+    for signal in signals:
+        result[signal] = float(np.sqrt(share @ [variance[name] for name in channels.named(signal)]))
     for name in ("tower_fore_aft", "tower_side_side"):
         result[name] = float(np.sqrt(variance[name]))
     return result

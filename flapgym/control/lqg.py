@@ -1,19 +1,22 @@
-"""LQG for one blade: exact predictor and regulator on the clamped blade with turbulence (paper section III, eq. 16).
+"""LQG for any design model: exact predictor and regulator behind turbulence (paper sections III, IV.C, eq. 16).
 
-The flap's angle and rate are known after the stops, so they enter the observer as inputs and are no states of it; the
-regulator sees them as states of the double integrator. Inside the design, quantities are in MN m and in the flap's
-limits, and every state is divided by its stationary standard deviation, which conditions the Riccati equations well.
+One synthesis serves the clamped blade, the rotor in the blades' own frames and the whole turbine in multi-blade
+coordinates. Flap angles and rates are known after the stops, so they enter the observer as inputs and are no states of
+it; the regulator sees them as states of the double integrators. Inside the design, quantities are in MN m and in the
+flap's limits, and every state is divided by its stationary standard deviation, which conditions the Riccati equations.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
+from flapgym.control.blade_controller import BladeController
+from flapgym.control.channels import Channels, controller_channels
+from flapgym.control.rotor_controller import RotorController
 from flapgym.state_space import Array, StateSpace, series
 from flapgym.turbulence import von_karman_filter
 
@@ -25,7 +28,7 @@ FILTER_ORDER = 3
 
 @dataclass(frozen=True)
 class Weights:
-    """Cost per step rbm (M / 1 MN m)^2 + flap_angle (beta / limit)^2 + acceleration (a / limit)^2, and the noise.
+    """Cost a step and blade, rbm (M / 1 MN m)^2 + flap_angle (beta / limit)^2 + acceleration (a / limit)^2, and noise.
 
     Attributes
     ----------
@@ -52,15 +55,19 @@ class Weights:
 
 @dataclass(frozen=True, eq=False)
 class DesignModel:
-    """The clamped blade behind its turbulence filter, scaled, and the Riccati data that follow from it.
+    """A plant of m flaps behind its disturbance filter, scaled, and the Riccati data that follow from it.
 
-    x+ = A x + B u + G w, y = C x + D u + H w + v with y the root bending moment [MN m], u the flap angle and rate as
-    fractions of their limits, w white of unit variance a step and v measurement noise.
+    x+ = A x + B u + G w, y = C x + D u + H w + v with y the root bending moments [MN m], u the flap angles, then the
+    rates, as fractions of their limits, w white of unit variance a step and v measurement noise.
 
     Attributes
     ----------
-    A, B, G, C, D, H : (n, n), (n, 2), (n, 1), (1, n), (1, 2), (1, 1) float
+    A, B, G, C, D, H : (n, n), (n, 2 m), (n, k), (m, n), (m, 2 m), (m, k) float
         Matrices in scaled states.
+    channels : Channels
+        The frame of the m signals: a blade, three blades, or multi-blade components.
+    turn : (m, m) float
+        How the frame's axes carry a flap's signal over one step.
     time_step : float
         [s].
     angle_limit, rate_limit, acceleration_limit : float
@@ -75,6 +82,8 @@ class DesignModel:
     C: Array
     D: Array
     H: Array
+    channels: Channels
+    turn: Array
     time_step: float
     angle_limit: float
     rate_limit: float
@@ -82,34 +91,53 @@ class DesignModel:
     rbm_rms: float
 
 
-def design_model(model: TurbineModel) -> DesignModel:
-    """The design model of `model`, with its own reference turbulence.
+def design_model(
+    model: TurbineModel, plant: StateSpace | None = None, disturbance: StateSpace | None = None
+) -> DesignModel:
+    """What a controller for `model` is designed on.
+
+    Parameters
+    ----------
+    model : TurbineModel
+        Gives limits, turbulence and rotor speed.
+    plant : StateSpace, optional
+        Inputs ``flap_angle*``, ``flap_rate*`` and disturbances, outputs ``rbm*`` among others, with * empty, _1 _2 _3
+        or _0 _c _s. By default the clamped blade.
+    disturbance : StateSpace, optional
+        From white noise to the plant's disturbance inputs, by name. By default the reference turbulence.
 
     Raises
     ------
     ValueError
-        If the blade is unstable, naming the fastest growing mode's frequency.
+        If a mode that does not decay cannot be moved by the flaps or is not seen in the moments, naming its frequency
+        and damping.
     """
-    wind = von_karman_filter(
-        model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
-    )
-    system = series(wind, model.blade.select(outputs=["rbm"])).select(
-        inputs=["flap_angle", "flap_rate", "white"]
-    )
-    _refuse_unstable(system)
-    unit = np.diag([model.flap_angle_limit, model.flap_rate_limit, 1.0])
+    plant = model.blade if plant is None else plant
+    if disturbance is None:
+        disturbance = von_karman_filter(
+            model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
+        )
+    channels = controller_channels(plant.inputs)
+    flaps, m = channels.inputs[channels.count :], channels.count
+    driven = plant.select([*flaps, *disturbance.outputs], channels.inputs[:m])
+    system = series(disturbance, driven).select(inputs=[*flaps, *disturbance.inputs])
+    white = len(disturbance.inputs)
+    unit = np.diag([*[model.flap_angle_limit] * m, *[model.flap_rate_limit] * m, *[1.0] * white])
     b, d = system.B @ unit, system.D @ unit / RBM_UNIT
     # White flap motion beside the turbulence: a state that only the flap excites needs a scale too.
-    spread = np.sqrt(np.diag(replace(system, B=b, D=d * RBM_UNIT).stationary_covariance()))
+    spread = np.sqrt(np.diag(stationary_covariance(system.A, b)))
     scale = np.where(spread > 1e-12 * spread.max(), spread, 1.0)
-    a, b = system.A * scale / scale[:, None], b / scale[:, None]
+    a, b, c = system.A * scale / scale[:, None], b / scale[:, None], system.C * scale / RBM_UNIT
+    refuse_beyond_reach(a, b[:, : 2 * m], c, model.time_step)
     return DesignModel(
         A=a,
-        B=b[:, :2],
-        G=b[:, 2:],
-        C=system.C * scale / RBM_UNIT,
-        D=d[:, :2],
-        H=d[:, 2:],
+        B=b[:, : 2 * m],
+        G=b[:, 2 * m :],
+        C=c,
+        D=d[:, : 2 * m],
+        H=d[:, 2 * m :],
+        channels=channels,
+        turn=channels.turn(model.rotor_speed * model.time_step),
         time_step=model.time_step,
         angle_limit=model.flap_angle_limit,
         rate_limit=model.flap_rate_limit,
@@ -118,10 +146,22 @@ def design_model(model: TurbineModel) -> DesignModel:
     )
 
 
-def lqg_agent(name: str, model: TurbineModel, weights: Weights) -> BladeController:
-    """The LQG designed on the clamped blade of `model`, three copies of it, under the name given."""
-    design = design_model(model)
-    return BladeController(
+def white_wind(model: TurbineModel) -> StateSpace:
+    """Turbulence of which only the variance is known: white, the design without the filter (section IV.C)."""
+    sigma = model.turbulence_intensity * model.wind_speed
+    none = np.zeros((0, 0))
+    return StateSpace(
+        none, np.zeros((0, 1)), np.zeros((1, 0)), np.array([[sigma]]), model.time_step, ("white",), ("wind",)
+    )
+
+
+def lqg_agent(
+    name: str, model: TurbineModel, weights: Weights, design: DesignModel | None = None
+) -> BladeController | RotorController:
+    """The LQG of a design model, by default of the clamped blade, three copies of it, under the name given."""
+    design = design_model(model) if design is None else design
+    kind = BladeController if design.channels.count == 1 else RotorController
+    return kind(
         name,
         synthesise(design, weights),
         first_estimate(design, weights),
@@ -131,79 +171,108 @@ def lqg_agent(name: str, model: TurbineModel, weights: Weights) -> BladeControll
 
 
 def synthesise(design: DesignModel, weights: Weights) -> StateSpace:
-    """The controller of one blade: inputs [N m, rad, rad/s], output [rad/s^2], one step of computing delay.
+    """The controller: inputs and outputs of the design's channels in SI units, one step of computing delay.
 
-    Predictor form: the acceleration at step n uses measurements up to n - 1 and the flap's motion at n.
+    Predictor form: the acceleration at step n uses measurements up to n - 1 and the flaps' motion at n.
     """
     observer, _ = predictor_gain(design, weights)
     regulator, _ = regulator_gain(design, weights)
-    n = design.A.shape[0]
-    flap = np.diag([1.0 / design.angle_limit, 1.0 / design.rate_limit])
+    n, m = design.A.shape[0], design.channels.count
+    flap = flap_units(design)
     return StateSpace(
         A=design.A - observer @ design.C,
         B=np.hstack([observer / RBM_UNIT, (design.B - observer @ design.D) @ flap]),
         C=-design.acceleration_limit * regulator[:, :n],
-        D=-design.acceleration_limit * np.hstack([np.zeros((1, 1)), regulator[:, n:] @ flap]),
+        D=-design.acceleration_limit * np.hstack([np.zeros((m, m)), regulator[:, n:] @ flap]),
         time_step=design.time_step,
-        inputs=CONTROLLER_INPUTS,
-        outputs=CONTROLLER_OUTPUTS,
+        inputs=design.channels.inputs,
+        outputs=design.channels.outputs,
     )
 
 
 def first_estimate(design: DesignModel, weights: Weights) -> Array:
-    """Controller state (n, 3) at the start of an episode, per unit of its first inputs [N m, rad, rad/s].
+    """Controller state (n, 3 m) at the start of an episode, per unit of its first inputs [N m, rad, rad/s].
 
-    The expectation of a blade in stationary turbulence given the first measurement: P C' / (C P C' + R).
+    The expectation in stationary turbulence given the first measurement: P C' (C P C' + H H' + R)^-1.
     """
-    covariance = scipy.linalg.solve_discrete_lyapunov(design.A, design.G @ design.G.T)
-    seen = design.C @ covariance
-    noise = (weights.measurement_noise * design.rbm_rms) ** 2
-    gain = seen.T / ((seen @ design.C.T) + design.H @ design.H.T + noise)
-    flap = np.diag([1.0 / design.angle_limit, 1.0 / design.rate_limit])
-    return gain @ np.hstack([np.array([[1.0 / RBM_UNIT]]), -design.D @ flap])
+    seen = design.C @ stationary_covariance(design.A, design.G)
+    innovation = seen @ design.C.T + design.H @ design.H.T + noise_covariance(design, weights)
+    gain = np.linalg.solve(innovation, seen).T
+    seen_first = np.hstack([np.eye(design.channels.count) / RBM_UNIT, -design.D @ flap_units(design)])
+    return np.asarray(gain @ seen_first)
 
 
 def predictor_gain(design: DesignModel, weights: Weights) -> tuple[Array, Array]:
-    """Kalman gain (n, 1) of the one-step predictor and its error covariance (n, n).
+    """Kalman gain (n, m) of the one-step predictor and its error covariance (n, n).
 
     A disturbance that reaches the measurement directly (H) correlates with the process noise; the Riccati equation
     takes their cross-covariance as `s`.
     """
-    noise = (weights.measurement_noise * design.rbm_rms) ** 2
-    r = np.array([[noise]]) + design.H @ design.H.T
+    r = noise_covariance(design, weights) + design.H @ design.H.T
     cross = design.G @ design.H.T
     covariance = scipy.linalg.solve_discrete_are(design.A.T, design.C.T, design.G @ design.G.T, r, s=cross)
     innovation = design.C @ covariance @ design.C.T + r
-    return (design.A @ covariance @ design.C.T + cross) / innovation, covariance
+    gain = np.linalg.solve(innovation, (design.A @ covariance @ design.C.T + cross).T).T
+    return np.asarray(gain), covariance
 
 
 def regulator_gain(design: DesignModel, weights: Weights) -> tuple[Array, Array]:
-    """Regulator gain (1, n + 2) on [x, angle, rate] in units of their limits, and the cost matrix (n + 2, n + 2)."""
+    """Regulator gain (m, n + 2 m) on [x, angles, rates] in units of their limits, and the cost matrix."""
     a, b, c = with_actuator(design)
-    q = weights.rbm * c.T @ c
-    q[-2, -2] += weights.flap_angle
-    r = np.array([[weights.acceleration]])
+    n, m = design.A.shape[0], design.channels.count
+    each = np.diag(design.channels.weight)
+    q = weights.rbm * c.T @ each @ c
+    q[n : n + m, n : n + m] += weights.flap_angle * each
+    r = weights.acceleration * each
     cost = scipy.linalg.solve_discrete_are(a, b, q, r)
     return np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a), cost
 
 
 def with_actuator(design: DesignModel) -> tuple[Array, Array, Array]:
-    """Matrices (A, B, C) of the design model driven by flap acceleration, states [x, angle, rate]."""
-    n, dt = design.A.shape[0], design.time_step
+    """Matrices (A, B, C) of the design model driven by flap accelerations, states [x, angles, rates]."""
+    n, m, dt = design.A.shape[0], design.channels.count, design.time_step
     rate, acceleration = design.rate_limit / design.angle_limit, design.acceleration_limit
-    actuator = np.array([[1.0, dt * rate], [0.0, 1.0]])
-    a = np.block([[design.A, design.B], [np.zeros((2, n)), actuator]])
-    kick = [0.5 * dt**2 * acceleration / design.angle_limit, dt * acceleration / design.rate_limit]
-    b = np.concatenate([np.zeros(n), kick])[:, None]
-    return a, b, np.hstack([design.C, design.D])
+    actuator = np.kron([[1.0, dt * rate], [0.0, 1.0]], design.turn)
+    a = np.block([[design.A, design.B], [np.zeros((2 * m, n)), actuator]])
+    kick = np.array(
+        [[0.5 * dt**2 * acceleration / design.angle_limit], [dt * acceleration / design.rate_limit]]
+    )
+    return a, np.vstack([np.zeros((n, m)), np.kron(kick, design.turn)]), np.hstack([design.C, design.D])
 
 
-def _refuse_unstable(system: StateSpace) -> None:
-    values = np.linalg.eigvals(system.A)
-    worst = values[np.argmax(np.abs(values))]
-    if abs(worst) >= 1.0:
-        rate = np.log(worst) / system.time_step
-        raise ValueError(
-            f"design model: unstable mode at {abs(rate.imag) / (2 * np.pi):.3g} Hz "
-            f"(damping ratio {-rate.real / abs(rate):.3g}); a flap cannot hold a blade that diverges"
-        )
+def noise_covariance(design: DesignModel, weights: Weights) -> Array:
+    """Of the measurement noise in the design's channels, (m, m) [(MN m)^2]."""
+    return np.diag((weights.measurement_noise * design.rbm_rms) ** 2 * np.array(design.channels.noise))
+
+
+def flap_units(design: DesignModel) -> Array:
+    """Diagonal (2 m, 2 m) that takes angles [rad] and rates [rad/s] to fractions of their limits."""
+    m = design.channels.count
+    return np.diag([*[1.0 / design.angle_limit] * m, *[1.0 / design.rate_limit] * m])
+
+
+def stationary_covariance(a: Array, drive: Array) -> Array:
+    """Covariance (n, n) of x+ = a x + drive w; a model that grows is slowed down until it has one."""
+    radius = np.abs(np.linalg.eigvals(a)).max()
+    a = a * min(1.0, 0.999 / radius) if radius >= 1.0 else a
+    return np.asarray(scipy.linalg.solve_discrete_lyapunov(a, drive @ drive.T))
+
+
+def refuse_beyond_reach(a: Array, b: Array, c: Array, time_step: float) -> None:
+    """Raise on a mode that does not decay and that the inputs cannot move, or the outputs do not show (Hautus)."""
+    values = np.linalg.eigvals(a)
+    for value in values[np.abs(values) >= 1.0]:
+        shifted = a - value * np.eye(a.shape[0])
+        for kind, pencil in (
+            ("unstabilisable: the flaps cannot move", np.hstack([shifted, b])),
+            ("undetectable: the root bending moment does not show", np.vstack([shifted, c])),
+        ):
+            singular = np.linalg.svd(pencil, compute_uv=False)
+            if singular[-1] < 1e-9 * singular[0]:
+                raise ValueError(f"design model: {kind} its {_named(value, time_step)}, which does not decay")
+
+
+def _named(value: complex, time_step: float) -> str:
+    rate = np.log(complex(value)) / time_step
+    damping = -rate.real / abs(rate) if abs(rate) > 0.0 else 0.0
+    return f"mode at {abs(rate.imag) / (2 * np.pi):.3g} Hz (damping ratio {damping:.3g})"

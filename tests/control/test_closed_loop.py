@@ -42,10 +42,10 @@ def test_the_loop_equals_a_simulation_of_three_blades_in_their_own_frames(model,
         copies = copies @ controller.A.T + measured @ controller.B.T
         x = plant.A @ x + plant.B @ u
         angle, rate = angle + dt * rate + 0.5 * dt**2 * acceleration, rate + dt * acceleration
-    loop = closed_loop(model, controller)
-    start = np.zeros((3, order + 2))
-    start[:, 0] = (to_axes * np.array([np.ones(3), np.cos(azimuth), np.sin(azimuth)])) @ [0.1, -0.02, 0.0]
-    expected = loop.simulate(wind[:, None], np.concatenate([np.zeros(plant.order), start.ravel()]))
+    loop = closed_loop(model, controller).select(inputs=["wind"])
+    start = np.zeros(6 + 3 * order)
+    start[:3] = (to_axes * np.array([np.ones(3), np.cos(azimuth), np.sin(azimuth)])) @ [0.1, -0.02, 0.0]
+    expected = loop.simulate(wind[:, None], np.concatenate([np.zeros(plant.order), start]))
     scale = np.abs(found).max(axis=0) + 1e-12
     np.testing.assert_allclose(expected[:, : found.shape[1]] / scale, found / scale, atol=1e-9)
     np.testing.assert_allclose(expected[:, found.shape[1] : found.shape[1] + 3], flap, atol=1e-11)

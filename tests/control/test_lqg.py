@@ -155,14 +155,6 @@ def test_scaling_leaves_the_design_models_response(design):
     np.testing.assert_allclose(system.frequency_response(frequency), blade * units, rtol=1e-9)
 
 
-def test_an_unstable_blade_is_refused_with_its_frequency():
-    model = synthetic_model()
-    c, s = np.cos(2 * np.pi * 0.9 * model.time_step), np.sin(2 * np.pi * 0.9 * model.time_step)
-    growing = replace(model.blade, A=1.001 * np.array([[c, s], [-s, c]]), B=np.ones((2, 3)), C=np.eye(2))
-    with pytest.raises(ValueError, match=r"unstable mode at 0\.9 Hz"):
-        design_model(replace(model, blade=growing))
-
-
 @pytest.mark.parametrize("name", ["flap_angle", "acceleration", "measurement_noise"])
 def test_weights_that_make_no_design_are_refused(name):
     with pytest.raises(ValueError, match=f"weights.{name}"):

@@ -87,6 +87,7 @@ def learner(training: Training, env: Scaled, seed: int, tensorboard: str | None)
         "net_arch": list(network.hidden),
         "activation_fn": ACTIVATIONS[network.activation],
     }
+    rate = chosen.learning_rate
     common: dict[str, Any] = {
         "policy": "MlpPolicy",
         "env": env,
@@ -95,12 +96,11 @@ def learner(training: Training, env: Scaled, seed: int, tensorboard: str | None)
         "tensorboard_log": tensorboard,
         "gamma": chosen.discount,
         "batch_size": chosen.batch_size,
+        "learning_rate": lambda left: left * rate,
     }
     if isinstance(chosen, PPOSettings):
-        rate = chosen.learning_rate
         return PPO(
             **common,
-            learning_rate=lambda left: left * rate,
             n_steps=chosen.rollout,
             n_epochs=chosen.epochs,
             gae_lambda=chosen.trace_decay,
@@ -111,7 +111,6 @@ def learner(training: Training, env: Scaled, seed: int, tensorboard: str | None)
     assert isinstance(chosen, SACSettings)
     return SAC(
         **common,
-        learning_rate=chosen.learning_rate,
         buffer_size=chosen.buffer_size,
         gradient_steps=chosen.gradient_steps,
         tau=chosen.target_rate,

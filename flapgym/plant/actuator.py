@@ -47,15 +47,16 @@ class Actuator:
 
     @cached_property
     def _free(self) -> Array:
-        """Motion without stops, (2 (k + 1), 3): angles then rates at samples 0..k from (angle, rate, a)."""
+        """Motion without stops, (2 (k + 1), 3): angle and rate of samples 0..k in turn, from (angle, rate, a)."""
         time = self.time_step * np.arange(self.steps + 1)
         one, zero = np.ones_like(time), np.zeros_like(time)
-        return np.vstack([np.stack([one, time, time**2 / 2], axis=1), np.stack([zero, one, time], axis=1)])
+        angle, rate = np.stack([one, time, time**2 / 2], axis=1), np.stack([zero, one, time], axis=1)
+        return np.stack([angle, rate], axis=1).reshape(-1, 3)
 
     @cached_property
     def _limits(self) -> Array:
         """The stop that belongs to each row of the motion, (2 (k + 1), 1)."""
-        return np.repeat([self.angle_limit, self.rate_limit], self.steps + 1)[:, None]
+        return np.tile([self.angle_limit, self.rate_limit], self.steps + 1)[:, None]
 
     def move(self, command: Array) -> tuple[Array, NDArray[np.bool_] | None]:
         """Motion of the flaps over one action.
@@ -68,7 +69,7 @@ class Actuator:
         Returns
         -------
         motion : (n, 2 (k + 1), blades) float
-            Angles at samples 0 to k, then rates at samples 0 to k.
+            Angle and rate at sample 0, angle and rate at sample 1, and so on to sample k.
         stopped : (n, blades) bool or None
             Flaps that met a stop; None if none did, which is the cheap and the usual case.
         """
@@ -86,8 +87,8 @@ class Actuator:
     def _march_together(self, start: Array) -> Array:
         """Step by step with the stops, for flaps that meet one: commands (m, 3), motion (m, 2 (k + 1))."""
         angle, rate, acceleration = start.T
-        motion = np.empty((angle.size, 2, self.steps + 1))
-        motion[:, 0, 0], motion[:, 1, 0] = angle, rate
+        motion = np.empty((angle.size, self.steps + 1, 2))
+        motion[:, 0, 0], motion[:, 0, 1] = angle, rate
         gain = acceleration * self.time_step
         for step in range(1, self.steps + 1):
             reached = np.minimum(np.maximum(rate + gain, -self.rate_limit), self.rate_limit)
@@ -95,7 +96,7 @@ class Actuator:
             angle = np.minimum(np.maximum(free, -self.angle_limit), self.angle_limit)
             into_stop = (free != angle) & (free * reached > 0.0)
             rate = np.where(into_stop, 0.0, reached)
-            motion[:, 0, step], motion[:, 1, step] = angle, rate
+            motion[:, step, 0], motion[:, step, 1] = angle, rate
         return motion.reshape(angle.size, -1)
 
     def _march_singly(self, start: Array) -> Array:
@@ -103,7 +104,7 @@ class Actuator:
         top_angle, top_rate, dt = self.angle_limit, self.rate_limit, self.time_step
         motion = []
         for angle, rate, acceleration in start.tolist():
-            angles, rates = [angle], [rate]
+            path = [angle, rate]
             gain = acceleration * dt
             for _ in range(self.steps):
                 reached = min(max(rate + gain, -top_rate), top_rate)
@@ -113,7 +114,6 @@ class Actuator:
                     angle, rate = top_angle, min(rate, 0.0)
                 elif angle < -top_angle:
                     angle, rate = -top_angle, max(rate, 0.0)
-                angles.append(angle)
-                rates.append(rate)
-            motion.append(angles + rates)
+                path += [angle, rate]
+            motion.append(path)
         return np.array(motion)

@@ -126,7 +126,7 @@ class Disturbance:
         white[:, : noise.shape[1] - start] = noise[:, start:]
         # Copied, because products of overlapping views do not reach the fast matrix product.
         windows = np.lib.stride_tricks.sliding_window_view(white, span + 1, axis=1)[:, ::span].copy()
-        pushes = (windows @ self.block.drive).view(complex)
+        pushes = (windows[:, :, :span] @ self.block.drive).view(complex)
         states = np.empty((n, blocks, 2 * self.modal.order))
         modes = np.ascontiguousarray(state).view(complex)
         first = (modes @ self.modal.read.T).real + white[:, :1] @ self.modal.D.T

@@ -28,21 +28,19 @@ def turned(angle: float) -> Array:
 def input_frame(steps: int, turn: float) -> Array:
     """Native inputs (u^0, ..., u^k) from motion components in the frame of the start, (6 (k + 1), 6 (k + 1)).
 
+    Rows and columns alike: sample by sample flap angle 0, c, s and flap rate 0, c, s.
+
     Parameters
     ----------
     steps : int
         Steps k of an interval.
     turn : float
         Azimuth Omega dt [rad] of one step.
-
-    Returns
-    -------
-    Rows: sample by sample flap angle 0, c, s and flap rate 0, c, s. Columns: angles of all samples, then rates.
     """
-    frame = np.zeros((steps + 1, 2, BLADES, 2, steps + 1, BLADES))
+    frame = np.zeros((steps + 1, 2, BLADES, steps + 1, 2, BLADES))
     for sample in range(steps + 1):
         for kind in range(2):
-            frame[sample, kind, :, kind, sample] = turned(sample * turn)
+            frame[sample, kind, :, sample, kind] = turned(sample * turn)
     return frame.reshape(6 * (steps + 1), 6 * (steps + 1))
 
 

@@ -1,7 +1,7 @@
 """Many steps in one: the response over an interval of k steps as three matrix products (lifting).
 
-With z the modes at the interval's start and u^0..u^k its inputs,
-z^k = values^k z + drive u and (y^1, ..., y^k) = read z + feed u. Exact; it turns k small steps of one
+With z the modes at the interval's start and u^0..u^k its inputs, of which the last acts on the last output only,
+z^k = values^k z + drive (u^0, ..., u^(k-1)) and (y^1, ..., y^k) = read z + feed u. Exact; it turns k small steps of one
 turbine, or of a thousand, into products that run at the machine's speed.
 """
 
@@ -23,8 +23,8 @@ class Lifted:
     ----------
     decay : (m,) complex
         What an interval leaves of each mode.
-    drive : ((k + 1) nu, 2 m) float
-        Inputs at samples 0..k to the modes at the end, real and imaginary parts alternating.
+    drive : (k nu, 2 m) float
+        Inputs at samples 0..k - 1 to the modes at the end, real and imaginary parts alternating.
     read : (2 m, rows) float
         Modes at the start to the output rows.
     feed : ((k + 1) nu, rows) float
@@ -48,7 +48,7 @@ def lift(modal: Modal, steps: int, rows: Array, inputs: Array | None = None) -> 
     rows : (r, k ny) float
         Output rows wanted, as combinations of (y^1, ..., y^k).
     inputs : ((k + 1) nu, q) float, optional
-        Native inputs (u^0, ..., u^k) from the ones that will be given; identity by default.
+        Native inputs (u^0, ..., u^k) from the ones that will be given, sample by sample; identity by default.
     """
     nu, ny, m = len(modal.inputs), len(modal.outputs), modal.order
     powers = modal.values[None, :] ** np.arange(steps + 1)[:, None]
@@ -60,12 +60,9 @@ def lift(modal: Modal, steps: int, rows: Array, inputs: Array | None = None) -> 
     toeplitz = np.where((lag >= 0)[:, :, None, None], markov[np.maximum(lag, 0)], 0.0)
     toeplitz = toeplitz.transpose(0, 2, 1, 3).reshape(steps * ny, (steps + 1) * nu)
     observe = (powers[1:, None, :] * modal.read).reshape(steps * ny, m)
-    # The last input acts on the interval's last output, not yet on its modes.
-    drive = np.zeros((steps + 1, nu, m), dtype=complex)
-    drive[:steps] = powers[steps - 1 :: -1, None, :] * modal.drive.T
-    push = drive.reshape((steps + 1) * nu, m)
+    push = (powers[steps - 1 :: -1, None, :] * modal.drive.T).reshape(steps * nu, m)
     if inputs is not None:
-        push, toeplitz = inputs.T @ push, toeplitz @ inputs
+        push, toeplitz = inputs[: steps * nu, : steps * nu].T @ push, toeplitz @ inputs
     combined = rows @ observe
     return Lifted(
         decay=powers[steps].copy(),

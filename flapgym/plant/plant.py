@@ -178,7 +178,7 @@ class Plant:
         kernel, k, n = self._kernel, self.steps_per_action, self.count
         self._command[:, 2] = acceleration
         motion, stopped = self.actuator.move(self._command)
-        self._command[:, 0], self._command[:, 1] = motion[:, k], motion[:, 2 * k + 1]
+        self._command[:, :2] = motion[:, -2:]
         blades = self._components_to_blades()
         # Views are taken here and not kept: a copied or pickled plant would lose them.
         size = 2 * kernel.flap.decay.size
@@ -187,7 +187,7 @@ class Plant:
         rows = self._state @ self._output
         rows += self._response[self._index, self.elapsed]
         modes *= kernel.flap.decay
-        modes += (components @ kernel.flap.drive).view(complex)
+        modes += (components[:, : kernel.flap.drive.shape[0]] @ kernel.flap.drive).view(complex)
         self.elapsed += 1
         loads = rows[:, : kernel.rows.blade_rows].reshape(n, -1, 3) @ blades
         flat = rows[:, kernel.rows.blade_rows :].reshape(n, kernel.rows.kept, 3)
@@ -196,8 +196,8 @@ class Plant:
             tip_deflection=loads[:, k:],
             tower=flat[:, :, :2],
             wind=flat[:, :, 2],
-            flap_angle=motion[:, : k + 1],
-            flap_rate=motion[:, k + 1 :],
+            flap_angle=motion[:, 0::2],
+            flap_rate=motion[:, 1::2],
             stopped=np.zeros((n, BLADES), dtype=bool) if stopped is None else stopped,
         )
 

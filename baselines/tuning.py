@@ -24,6 +24,7 @@ from flapgym.control import (
 )
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
 from flapgym.evaluation import Metrics, measure, simulate
+from flapgym.state_space import StateSpace
 
 FREE = 100.0
 """Factor on the flap's stops that takes them out of the way while the rule asks how far the flap wants to go."""
@@ -64,12 +65,16 @@ class Bench:
         Of a realisation [s].
     advanced : callable
         Told of every design tried, for a progress bar.
+    plant : StateSpace, optional
+        What stands for the turbine where a controller in the blades' own frames asks for its Lyapunov equation: one
+        frozen at an azimuth. Simulations are of the turning turbine all the same.
     """
 
     model: TurbineModel
     tuning: Tuning
     duration: float
     advanced: Callable[[str], None]
+    plant: StateSpace | None = None
 
     def measure(self, agent: LinearController, free: bool = False) -> Metrics:
         """Metrics on the tuning realisations; `free` takes the stops of angle and rate out of the way."""
@@ -152,7 +157,7 @@ def meet_the_stops(bench: Bench, design: Design, start: float) -> float | None:
     """
     model, factor = bench.model, PEAK_FACTOR
     for _ in range(8):
-        number = _for_rms(model, design, model.flap_angle_limit / factor, start)
+        number = _for_rms(bench, design, model.flap_angle_limit / factor, start)
         if number is None:
             return None
         stroke = bench.stroke(design(number))
@@ -162,14 +167,14 @@ def meet_the_stops(bench: Bench, design: Design, start: float) -> float | None:
     raise RuntimeError(f"the largest flap angle does not settle at its stop (last stroke {stroke:.3f})")
 
 
-def _for_rms(model: TurbineModel, design: Design, angle: float, start: float) -> float | None:
+def _for_rms(bench: Bench, design: Design, angle: float, start: float) -> float | None:
     """The number at which the flap angle has the rms given; None if the loop turns unstable before."""
 
     def excess(log_number: float) -> float:
         system = design(float(np.exp(log_number))).system
-        if closed_loop(model, system).spectral_radius() >= 1.0:
+        if closed_loop(bench.model, system, plant=bench.plant).spectral_radius() >= 1.0:
             return np.inf
-        return stationary_rms(model, system)["flap_angle"] / angle - 1.0
+        return stationary_rms(bench.model, system, plant=bench.plant)["flap_angle"] / angle - 1.0
 
     low = high = float(np.log(start))
     while (value := excess(high)) < 0.0:

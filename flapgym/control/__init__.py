@@ -3,7 +3,7 @@
 from flapgym.control.agent import Agent, OpenLoop
 from flapgym.control.agent_files import AGENT_NAMES, load_agent, made_for, save_agent
 from flapgym.control.blade_controller import BladeController
-from flapgym.control.closed_loop import Stability, closed_loop, stability, stationary_rms
+from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
 from flapgym.control.lqg import DesignModel, Weights, design_model, lqg_agent, synthesise, white_wind
 from flapgym.control.pd import PDGains, pd_agent
 from flapgym.control.policy import Policy
@@ -22,6 +22,7 @@ __all__ = [
     "Weights",
     "closed_loop",
     "design_model",
+    "growth_per_turn",
     "load_agent",
     "lqg_agent",
     "made_for",

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flapgym.aeroelastic.model import TurbineModel
+from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.control.channels import BLADE, ROTOR, controller_channels
 from flapgym.state_space import Array, StateSpace, series
 from flapgym.turbulence import von_karman_filter
@@ -153,6 +154,31 @@ def stability(model: TurbineModel, controller: StateSpace, tolerance: float = 0.
         stable = closed_loop(model, controller, middle).spectral_radius() < 1.0
         low, high = (middle, high) if stable else (low, middle)
     return Stability(radius, low)
+
+
+def growth_per_turn(model: TurbineModel, controller: StateSpace, turns: int = 40) -> float:
+    """Factor by which what decays slowest grows over a revolution: stable below one.
+
+    For controllers in the blades' own frames, whose loop with the turning turbine is periodic: the power iteration of
+    its Floquet multipliers, over the last half of so many revolutions. To about 2 % where several modes decay alike.
+    """
+    turbine = model.turbine
+    step = model.rotor_speed * model.time_step
+    flaps = _flaps(controller, np.eye(3))
+    x, y = np.random.default_rng(0).standard_normal((2, max(turbine.order, flaps.order)))
+    x, y = x[: turbine.order], y[: flaps.order]
+    y[:6] *= 1e-9  # flap motion in proportion to the load it makes
+    half, sizes = round(0.5 * turns * 2.0 * np.pi / step), []
+    for n in range(2 * half):
+        to_axes = to_components(np.eye(3), n * step).T
+        flap = flaps.C[:6] @ y
+        u = np.concatenate([to_axes @ flap[:3], to_axes @ flap[3:]])
+        moment = turbine.C[:3] @ x + turbine.D[:3, :6] @ u
+        y = flaps.A @ y + flaps.B @ to_blades(moment, n * step)
+        x = turbine.A @ x + turbine.B[:, :6] @ u
+        if n + 1 in (half, 2 * half):
+            sizes.append(np.linalg.norm(turbine.C @ x))
+    return float((sizes[1] / sizes[0]) ** (2.0 * np.pi / (step * half)))
 
 
 def stationary_rms(

@@ -12,6 +12,7 @@ from flapgym.control import (
     Weights,
     closed_loop,
     design_model,
+    growth_per_turn,
     load_agent,
     lqg_agent,
     save_agent,
@@ -160,6 +161,15 @@ def test_measurement_noise_is_worth_the_same_in_either_frame():
     calm = stationary_rms(loose, controller)
     assert own["flap_rate"] == pytest.approx(fixed["flap_rate"], rel=1e-6)
     assert fixed["flap_rate"] > 1.02 * calm["flap_rate"]
+
+
+def test_a_turn_of_the_periodic_loop_shrinks_as_the_time_invariant_one_says():
+    """Three copies of a blade's controller can be written in either frame: the same loop."""
+    controller = synthesise(design_model(MODEL), WEIGHTS)
+    steps = 2 * np.pi / (MODEL.rotor_speed * MODEL.time_step)
+    expected = closed_loop(MODEL, controller).spectral_radius() ** steps
+    own = _in_frame(controller, MODEL, _three_blades(("wind",)))
+    assert growth_per_turn(MODEL, own) == pytest.approx(expected, rel=0.02)
 
 
 def test_without_the_filter_the_wind_is_white_with_the_turbulences_variance():

@@ -86,5 +86,7 @@ def test_the_program_writes_an_agent_for_each_seed(tmp_path):
     assert main([str(tmp_path / "run.toml"), "--output", str(tmp_path), "--seeds", "2", "--steps", "96"]) == 0
     for seed in (0, 1):
         agent = load_agent(tmp_path / f"ppo-seed{seed}.json", synthetic_model())
-        assert agent.steps_per_action == load_training(CONFIGS / "train-ppo.toml").environment.steps_per_action
+        assert (
+            agent.steps_per_action == load_training(CONFIGS / "train-ppo.toml").environment.steps_per_action
+        )
         assert agent.model_hash == synthetic_model().hash

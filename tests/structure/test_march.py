@@ -169,10 +169,10 @@ def linear_response(turbine, time_step: float, steps: int) -> tuple[np.ndarray, 
         a = scipy.linalg.lu_solve(factors, load(step * h) - damping @ v - stiffness @ q)
         q, v = q + 0.25 * h * h * a, v + 0.5 * h * a
         history.append(q)
-    history = np.array(history[::10])
+    sampled = np.array(history[::10])
     weights = np.array([component_weights(OMEGA * time_step * step)[0] for step in range(steps + 1)])
-    tip = sum(weights[:, c : c + 1] * history[:, c * 72 + 66 : c * 72 + 69] for c in range(3))
-    return tip, history[:, 276:279]
+    tip = sum(weights[:, c : c + 1] * sampled[:, c * 72 + 66 : c * 72 + 69] for c in range(3))
+    return tip, sampled[:, 276:279]
 
 
 def test_linear_turbine_is_the_limit_of_the_non_linear_one_for_small_motion(turbine) -> None:

@@ -1,0 +1,72 @@
+"""Studies of the turbine model: `python -m benchmarks.turbine [PART ...] [--output DIR]`.
+
+Prints the tables of docs/turbine.md in Markdown and writes figure10.png, figure11.png, figure13.png, figure14.png and
+campbell.png. All parts take some two minutes on an idle core, and 1 GB.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import tqdm
+
+from benchmarks.turbine.accuracy import reduced_against_full, table_of_azimuths
+from benchmarks.turbine.bode import figure10, figure13, figure14
+from benchmarks.turbine.campbell import TIP_SPEED_RATIOS, campbell
+from benchmarks.turbine.speed import ROUNDS, speed
+from benchmarks.turbine.study import Study, Tell
+from benchmarks.turbine.tips import figure11
+from flapgym.turbine import load_case
+
+FIGURES = {"figure10": figure10, "figure11": figure11, "figure13": figure13, "figure14": figure14}
+STAGES = {
+    "figure10": 2,
+    "figure11": 1,
+    "figure13": 2,
+    "figure14": 4,
+    "full": 3 + ROUNDS,
+    "campbell": len(TIP_SPEED_RATIOS),
+}
+
+
+def against_full(study: Study, output: Path, tell: Tell) -> None:
+    """Accuracy and speed, which share the table of A(theta)."""
+    tell("A(theta) over a revolution")
+    azimuths = table_of_azimuths(study)
+    reduced_against_full(study, azimuths, tell)
+    speed(study, azimuths, tell)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the parts asked for; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="benchmarks.turbine", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(STAGES)} (default: all)")
+    parser.add_argument("--output", type=Path, default=Path("results"), help="folder for the figures")
+    options = parser.parse_args(arguments)
+    unknown = [part for part in options.parts if part not in STAGES]
+    if unknown:
+        parser.error(f"no part {unknown[0]!r}; there are {', '.join(STAGES)}")
+    parts = options.parts or list(STAGES)
+    output: Path = options.output
+    output.mkdir(parents=True, exist_ok=True)
+    study = Study(load_case())
+    programs = FIGURES | {"full": against_full, "campbell": campbell}
+    with tqdm.tqdm(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
+        begun = False
+
+        def tell(stage: str) -> None:
+            nonlocal begun
+            bar.update(int(begun))
+            bar.set_description(stage)
+            begun = True
+
+        for part in parts:
+            programs[part](study, output, tell)
+        bar.update()
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -171,7 +171,7 @@ def linear_response(turbine, time_step: float, steps: int) -> tuple[np.ndarray, 
         history.append(q)
     sampled = np.array(history[::10])
     weights = np.array([component_weights(OMEGA * time_step * step)[0] for step in range(steps + 1)])
-    tip = sum(weights[:, c : c + 1] * sampled[:, c * 72 + 66 : c * 72 + 69] for c in range(3))
+    tip = np.sum([weights[:, c : c + 1] * sampled[:, c * 72 + 66 : c * 72 + 69] for c in range(3)], axis=0)
     return tip, sampled[:, 276:279]
 
 

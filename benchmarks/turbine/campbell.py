@@ -14,6 +14,7 @@ from flapgym.aeroelastic.damping import CoupledMode, coupled_modes
 
 TIP_SPEED_RATIOS = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 TOWER_MODES = 6
+LIGHT = 2.6  # damping ratio [%] up to which a mode is drawn in the panel of the lightly damped
 BROAD = 35.0  # damping ratio [%] from which a mode is drawn by marks alone: the wake has a share in it
 
 
@@ -68,7 +69,7 @@ def draw(rpm: np.ndarray, names: list[str], modes: list[list[CoupledMode]], path
         if max(damping) > BROAD:
             line, style["fillstyle"] = line[0], "none"
         axes[0].plot(rpm, frequency, line, **style)
-        axes[1 if max(damping) > 2.6 else 2].plot(rpm, damping, line, **style)
+        axes[1 if max(damping) > LIGHT else 2].plot(rpm, damping, line, **style)
     for multiple in (1, 3, 6, 9):
         axes[0].plot(rpm, multiple * rpm / 60.0, color="0.75", linewidth=0.8, zorder=0)
         axes[0].annotate(f"{multiple}P", (rpm[-1] + 0.1, multiple * rpm[-1] / 60.0), color="0.5", fontsize=8)

@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help compare train test lint bench clean
+.PHONY: help compare paper train test lint bench clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -17,6 +17,9 @@ help:  ## list the targets
 
 compare: .venv/with-baselines  ## score every shipped agent: table, results/compare.{json,csv,md} and figure
 	$(BIN)/flapgym compare $(ARGS)
+
+paper: .venv/with-baselines  ## the paper's Section IV beside ours: results/paper/paper.{md,html} (ARGS: parts, --quick)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m baselines.paper $(ARGS)
 
 train: .venv/with-train  ## train the PPO and SAC policies (ARGS: configurations)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m train.policies $(ARGS)

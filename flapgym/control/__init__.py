@@ -1,7 +1,7 @@
 """Controllers: the Agent protocol, PD and LQG on each blade, trained policies in numpy (paper sections III, IV.C)."""
 
 from flapgym.control.agent import Agent, OpenLoop
-from flapgym.control.agent_files import AGENT_NAMES, load_agent, made_for, save_agent
+from flapgym.control.agent_files import AGENT_NAMES, agent_design, load_agent, made_for, save_agent
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
 from flapgym.control.lqg import DesignModel, Weights, design_model, lqg_agent, synthesise, white_wind
@@ -20,6 +20,7 @@ __all__ = [
     "RotorController",
     "Stability",
     "Weights",
+    "agent_design",
     "closed_loop",
     "design_model",
     "growth_per_turn",

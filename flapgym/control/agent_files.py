@@ -65,6 +65,11 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     )
 
 
+def agent_design(name: str | os.PathLike[str]) -> dict[str, Any]:
+    """How a shipped agent, or one of a .json file, was made: its weights or gains and what was found about it."""
+    return dict(_read(_find(name))[0]["design"])
+
+
 def save_agent(
     path: str | os.PathLike[str],
     agent: BladeController | RotorController | Policy,

@@ -23,8 +23,8 @@ def figure_is_possible() -> bool:
     return importlib.util.find_spec("matplotlib") is not None
 
 
-def draw_figure(comparison: Comparison) -> bytes:
-    """Blade 1 on the first realisation as a PNG: moment, tip deflection, flap angle with inflow, tower top."""
+def draw_figure(comparison: Comparison, file_format: str = "png") -> bytes:
+    """Blade 1 on the first realisation: moment, tip deflection, flap angle with inflow, tower top; png, svg or pdf."""
     from matplotlib.figure import Figure
 
     open_loop, closed = comparison.records["open_loop"], comparison.records[_shown(comparison)]
@@ -53,7 +53,7 @@ def draw_figure(comparison: Comparison) -> bytes:
         axis.set_xlim(0.0, cycles[-1])
         axis.grid(True, linewidth=0.4, alpha=0.5)
     content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=150)
+    figure.savefig(content, format=file_format, dpi=150)
     return content.getvalue()
 
 

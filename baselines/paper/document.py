@@ -1,0 +1,83 @@
+"""A report as data: sections of sentences, tables and figures, written as Markdown and as one HTML file."""
+
+from __future__ import annotations
+
+import base64
+import html
+from dataclasses import dataclass
+from pathlib import Path
+
+STYLE = """
+body { font: 16px/1.5 Georgia, serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
+table { border-collapse: collapse; margin: 1rem 0; font-size: 0.85rem; }
+th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: left; }
+th { border-bottom: 2px solid #666; }
+img { max-width: 100%; }
+"""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Head and rows of text."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what follows it: a sentence or paragraph, a table, or the path of a figure."""
+
+    title: str
+    content: tuple[str | Table | Path, ...]
+
+
+def as_markdown(title: str, sections: list[Section], folder: Path) -> str:
+    """The report in Markdown; figures are linked relative to `folder`."""
+    blocks = [f"# {title}"]
+    for section in sections:
+        blocks.append(f"## {section.title}")
+        for part in section.content:
+            if isinstance(part, Table):
+                lines = [part.head, tuple("---" for _ in part.head), *part.rows]
+                blocks.append("\n".join(f"| {' | '.join(line)} |" for line in lines))
+            elif isinstance(part, Path):
+                blocks.append(f"![{part.stem}]({part.relative_to(folder).as_posix()})")
+            else:
+                blocks.append(part)
+    return "\n\n".join(blocks) + "\n"
+
+
+def as_html(title: str, sections: list[Section]) -> str:
+    """The report as one file that needs no other: figures are inside."""
+    body = [f"<h1>{html.escape(title)}</h1>"]
+    for section in sections:
+        body.append(f"<h2>{html.escape(section.title)}</h2>")
+        for part in section.content:
+            if isinstance(part, Table):
+                body.append(_table(part))
+            elif isinstance(part, Path):
+                kind = "svg+xml" if part.suffix == ".svg" else part.suffix[1:]
+                data = base64.b64encode(part.read_bytes()).decode()
+                body.append(
+                    f'<p><img alt="{html.escape(part.stem)}" src="data:image/{kind};base64,{data}"></p>'
+                )
+            else:
+                body.append(f"<p>{html.escape(part)}</p>")
+    head = f'<meta charset="utf-8"><title>{html.escape(title)}</title><style>{STYLE}</style>'
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n<body>\n'
+        + "\n".join(body)
+        + "\n</body></html>\n"
+    )
+
+
+def _table(table: Table) -> str:
+    def row(cells: tuple[str, ...], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    return (
+        "<table>\n"
+        + "\n".join([row(table.head, "th"), *(row(cells, "td") for cells in table.rows)])
+        + "\n</table>"
+    )

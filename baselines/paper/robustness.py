@@ -1,0 +1,78 @@
+"""Loads and margins of the linear loops off their design conditions, exact from Lyapunov equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from baselines.paper.cache import Cache, fingerprint
+from baselines.tuning import LinearController
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.control import closed_loop, stability, stationary_rms
+from flapgym.control.margins import delay_margin, disk_margin, late_measurement
+from flapgym.state_space import Array
+
+EFFECTIVENESS = (0.7, 1.0, 1.3)
+LENGTHS = (73.5, 147.0, 340.0)
+NOISES = (0.01, 0.05, 0.10)
+DELAYS = (0, 1, 2, 3, 4, 5)
+
+CONDITIONS = (
+    *(f"flap x {factor:g}" for factor in EFFECTIVENESS),
+    *(f"L {length:g} m" for length in LENGTHS),
+    *(f"noise {100 * noise:g} %" for noise in NOISES),
+    *(f"delay {delay}" for delay in DELAYS),
+)
+MARGINS = ("disk margin", "at [Hz]", "gain up to", "phase [deg]", "flap's effect up to", "delay up to [ms]")
+
+
+def sensitivity(
+    agent: LinearController, model: TurbineModel, cache: Cache, advanced: Callable[[str], None]
+) -> tuple[Array, Array]:
+    """Change of the rms under each of ``CONDITIONS``, and flap stroke; then ``MARGINS``.
+
+    Returns
+    -------
+    changes : (3, conditions) float
+        Of the moment's and the tip's rms against open loop in the same wind, fractions; rms flap angle [rad]. NaN where
+        the loop is unstable.
+    margins : (6,) float
+        In the order of ``MARGINS``; infinite without bound.
+    """
+    system = agent.system
+    mark = {"agent": fingerprint(system.A, system.B, system.C, system.D)}
+
+    def make() -> dict[str, Array]:
+        cases: list[dict[str, float]] = [{"effectiveness": factor} for factor in EFFECTIVENESS]
+        cases += [{"length_scale": length} for length in LENGTHS]
+        cases += [{"measurement_noise": noise * model.rbm_rms} for noise in NOISES]
+        columns = [_change(model, agent, 0, **case) for case in cases]
+        columns += [_change(model, agent, delay) for delay in DELAYS]
+        disk = disk_margin(model, system)
+        margins = [
+            disk.alpha,
+            disk.frequency,
+            disk.gain[1],
+            np.rad2deg(disk.phase),
+            stability(model, system).effectiveness_margin,
+            1e3 * model.time_step * delay_margin(model, system),
+        ]
+        return {"changes": np.array(columns).T, "margins": np.array(margins)}
+
+    found = cache.arrays(f"robustness-{agent.name}", mark, make)
+    advanced(agent.name)
+    return found["changes"], found["margins"]
+
+
+def _change(model: TurbineModel, agent: LinearController, delay: int, **case: float) -> list[float]:
+    system = late_measurement(agent.system, delay, model.rotor_speed)
+    if closed_loop(model, system, case.get("effectiveness", 1.0)).spectral_radius() >= 1.0:
+        return [np.nan] * 3
+    reference = stationary_rms(model, length_scale=case.get("length_scale"))
+    ours = stationary_rms(model, system, **case)  # type: ignore[arg-type]
+    return [
+        ours["rbm"] / reference["rbm"] - 1.0,
+        ours["tip_deflection"] / reference["tip_deflection"] - 1.0,
+        ours["flap_angle"],
+    ]

@@ -1,0 +1,151 @@
+"""The study of Section IV: it reports what it measured, keeps what it finished, and refuses what it cannot do."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baselines.paper import __main__ as program
+from baselines.paper import scores
+from baselines.paper.cache import Cache
+from baselines.paper.control_sections import gust_alleviation, relative
+from baselines.paper.controllers import Plants, swaying_wind
+from baselines.paper.document import Section, Table, as_html, as_markdown
+from baselines.paper.figures import _lag
+from baselines.paper.robustness import CONDITIONS, sensitivity
+from baselines.paper.scores import score
+from flapgym.aeroelastic import load_model
+from flapgym.control import Weights, closed_loop, lqg_agent, stationary_rms
+from flapgym.evaluation import Estimate, Metrics
+from flapgym.state_space import StateSpace
+from flapgym.turbine import load_case
+from tests.synthetic import synthetic_model
+
+MODEL = synthetic_model()
+
+
+@pytest.fixture
+def short(monkeypatch):
+    monkeypatch.setattr(program, "QUICK_DURATION", 4.0)
+    monkeypatch.setattr(program, "QUICK", {"lqg"})
+
+
+def test_a_finished_part_is_not_computed_again(short, tmp_path, monkeypatch):
+    arguments = ["gust_alleviation", "--quick", "--output", str(tmp_path)]
+    assert program.main(arguments) == 0
+    first = (tmp_path / "paper.md").read_text()
+    assert "single clamped blade (base case)" in first
+
+    def never(*_):
+        raise AssertionError("simulated again")
+
+    monkeypatch.setattr(scores, "simulate", never)
+    assert program.main(arguments) == 0
+    assert (tmp_path / "paper.md").read_text() == first
+    rules = [line for line in first.splitlines() if line.startswith("| --- ")]
+    assert (tmp_path / "paper.html").read_text().count("<table>") == len(rules)
+
+
+@pytest.mark.parametrize(
+    "arguments", [["figure9"], ["--model", "nowhere"], ["--realisations", "1"]], ids=lambda a: a[-1]
+)
+def test_bad_input_costs_one_line_and_exit_code_two(arguments, tmp_path, capsys):
+    assert program.main([*arguments, "--output", str(tmp_path)]) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("baselines.paper: ")
+    assert arguments[-1] in error
+
+
+def test_another_model_or_setting_finds_nothing_in_the_cache(tmp_path):
+    calls = []
+
+    def make():
+        calls.append(None)
+        return {"value": np.arange(3.0)}
+
+    for stamp, setting in (("a", 1), ("a", 1), ("a", 2), ("b", 1)):
+        found = Cache(tmp_path, stamp).arrays("part", {"setting": setting}, make)
+        np.testing.assert_array_equal(found["value"], [0.0, 1.0, 2.0])
+    assert len(calls) == 3
+
+
+def test_a_system_comes_back_from_the_cache_as_it_was(tmp_path):
+    cache = Cache(tmp_path, "a")
+    cache.system("blade", {}, lambda: MODEL.blade)
+    found = cache.system("blade", {}, lambda: pytest.fail("made again"))
+    assert isinstance(found, StateSpace)
+    assert (found.inputs, found.outputs, found.time_step) == (
+        MODEL.blade.inputs,
+        MODEL.blade.outputs,
+        MODEL.blade.time_step,
+    )
+    np.testing.assert_array_equal(found.A, MODEL.blade.A)
+
+
+def _metrics(factor, angle):
+    one = np.full((4, 3), 1e6) * np.linspace(0.9, 1.1, 4)[:, None]
+    return Metrics(factor * one, factor * one, factor * one, factor * one[:, 0], angle, angle, angle)
+
+
+def test_scores_are_changes_and_count_the_realisations_at_the_stop():
+    limit = MODEL.flap_angle_limit
+    angles = np.array([0.5, 1.0, 0.9, 1.0]) * limit
+    found = score(_metrics(0.8, angles), _metrics(1.0, 0.0 * angles), MODEL)
+    assert found.changes["rbm_del"].mean == pytest.approx(-0.2)
+    assert found.touching == 0.5
+
+
+def test_a_disagreement_with_the_paper_is_said():
+    estimate = {"lqg": -0.195, "lqg_clamped_rotor": -0.19, "lqg_frozen": -0.15}
+    made = {
+        name: scores.Score(
+            {key: Estimate(value, value, value) for key in scores.CHANGES}, 0.17, 0.1, 1.0, 0.1
+        )
+        for name, value in estimate.items()
+    }
+    assert relative(made["lqg_frozen"], made["lqg"]) == pytest.approx(-23.08, abs=0.01)
+    text = as_markdown("t", [gust_alleviation(made, 50, 267.0)], Path())
+    assert "2.6 % less reduction of the RBM rms than the base case; the paper says similar: agrees" in text
+    assert "the paper says less than 5 % different: disagrees" in text
+
+
+def test_robustness_at_the_design_point_is_the_loops_own_rms(tmp_path):
+    agent = lqg_agent("lqg", MODEL, Weights(3.0))
+    changes, margins = sensitivity(agent, MODEL, Cache(tmp_path, "a"), lambda name: None)
+    expected = stationary_rms(MODEL, agent.system)["rbm"] / stationary_rms(MODEL)["rbm"] - 1.0
+    for condition in ("flap x 1", "L 147 m", "delay 0"):
+        assert changes[0, CONDITIONS.index(condition)] == pytest.approx(expected, rel=1e-9)
+    weak, strong = (changes[0, CONDITIONS.index(f"flap x {factor}")] for factor in ("0.7", "1.3"))
+    assert strong < expected < weak < 0.0
+    assert closed_loop(MODEL, agent.system, 0.99 * margins[4]).spectral_radius() < 1.0
+
+
+def test_a_model_of_other_inputs_than_the_case_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="built from other inputs"):
+        Plants(MODEL, load_case(), Cache(tmp_path, "a"))
+
+
+def test_the_roots_sway_has_the_hubs_velocity():
+    model = load_model()
+    wind = swaying_wind(model)
+    rms = np.sqrt(np.diag(wind.C @ wind.stationary_covariance() @ wind.C.T))
+    assert wind.outputs == ("wind", "hub_velocity", "hub_acceleration")
+    assert rms[0] == pytest.approx(1.1, rel=1e-6)
+    assert rms[1] == pytest.approx(2 * np.pi * 0.32 * stationary_rms(model)["tower_fore_aft"], rel=1e-6)
+
+
+def test_a_lag_is_found_with_its_sign():
+    signal = np.random.default_rng(0).standard_normal(4000).cumsum()
+    signal -= signal.mean()
+    assert _lag(signal[50:-50], signal[20:-80], 0.01) == pytest.approx(0.3)
+
+
+def test_html_needs_no_other_file_and_escapes(tmp_path):
+    figure = tmp_path / "figure.svg"
+    figure.write_text("<svg/>")
+    section = Section("a < b", ("one & two", Table(("x",), (("<1>",),)), figure))
+    page = as_html("title", [section])
+    assert "a &lt; b" in page
+    assert "&lt;1&gt;" in page
+    assert "data:image/svg+xml;base64,PHN2Zy8+" in page
+    assert "![figure](figure.svg)" in as_markdown("title", [section], tmp_path)

@@ -8,6 +8,7 @@ strain is objective, and taken at the middle of the element, so that it does not
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from flapgym.structure.rotation import (
     STRETCH,
     STRETCH_SLOPE,
     Array,
+    cross,
     even,
     hat,
     rotation_matrix,
@@ -72,6 +74,11 @@ class Beam:
         """Number of elements."""
         return int(self.stiffness.shape[0])
 
+    @cached_property
+    def _unstrained(self) -> _Middle:
+        """Kinematics of the reference, asked for at every step of a march."""
+        return _middle(self.reference)
+
 
 @dataclass(frozen=True, eq=False)
 class _Middle:
@@ -96,7 +103,11 @@ def _lengths(beam: Beam) -> Array:
 
 def strains(beam: Beam, configuration: Configuration) -> Array:
     """Section strains (n, 6) at the middle of each element: axial, shear, twist rate, curvatures [1/m]."""
-    now, before = _middle(configuration), _middle(beam.reference)
+    return _strains(beam, _middle(configuration))
+
+
+def _strains(beam: Beam, now: _Middle) -> Array:
+    before = beam._unstrained
     change = np.concatenate([now.chord - before.chord, now.bend - before.bend], axis=1)
     return change / _lengths(beam)[:, None]
 
@@ -141,11 +152,11 @@ def internal_force(beam: Beam, configuration: Configuration) -> Array:
     """Elastic nodal forces [N] and moments [N m] (n + 1, 6) in S axes: the gradient of the strain energy."""
     middle = _middle(configuration)
     _check_bend(middle.bend)
-    loads = section_loads(beam, configuration)
+    loads = np.einsum("nij,nj->ni", beam.stiffness, _strains(beam, middle))
     force, moment = loads[:, :3], loads[:, 3:]
     operator, shear = _rotation_operators(middle.bend)
-    mean = np.cross(force, middle.chord)
-    relative = shear[:, None] * np.cross(middle.bend, mean) + _times(operator, moment)
+    mean = cross(force, middle.chord)
+    relative = shear[:, None] * cross(middle.bend, mean) + _times(operator, moment)
     nodal = np.zeros((beam.elements + 1, 6), dtype=loads.dtype)
     for rows, sign in ((slice(None, -1), -1.0), (slice(1, None), 1.0)):
         nodal[rows, :3] += sign * _times(middle.axes, force)
@@ -177,7 +188,7 @@ def _element_tangent(middle: _Middle, loads: Array, stiffness: Array, length: Ar
     force, moment = loads[:, :3], loads[:, 3:]
     squared = np.sum(bend * bend, axis=-1)
     operator, shear = _rotation_operators(bend)
-    mean = np.cross(force, chord)
+    mean = cross(force, chord)
 
     # Columns of what follows: d, s, r (each 3) in mean section axes.
     identity, zero = np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3, 3))
@@ -189,11 +200,11 @@ def _element_tangent(middle: _Middle, loads: Array, stiffness: Array, length: Ar
     force_change, moment_change = load_change[:, :3], load_change[:, 3:]
 
     mean_change = -hat(chord) @ force_change + hat(force) @ chord_change
-    relative = shear[:, None] * np.cross(bend, mean) + _times(operator, moment)
+    relative = shear[:, None] * cross(bend, mean) + _times(operator, moment)
     along = np.sum(bend * moment, axis=-1)
     # Derivative of shear(w) bend x mean + H(bend) moment for a change of bend; w = |bend|^2.
     slope = (
-        2.0 * even(SHEAR_SLOPE, squared)[:, None] * np.cross(bend, mean)
+        2.0 * even(SHEAR_SLOPE, squared)[:, None] * cross(bend, mean)
         + 2.0 * even(STRETCH_SLOPE, squared)[:, None] * moment
         + 2.0 * (even(DEVIATOR_SLOPE, squared) * along)[:, None] * bend
     )

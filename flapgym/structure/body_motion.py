@@ -11,7 +11,7 @@ import numpy as np
 
 from flapgym.structure.beam import Beam, Configuration, internal_force, strain_energy, tangent
 from flapgym.structure.inertia import distribution, linearise_inertia, section_distribution
-from flapgym.structure.rotation import Array
+from flapgym.structure.rotation import Array, cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ def _points(configuration: Configuration, velocity: Array, acceleration: Array) 
     """Positions and directors (n + 1, 4, 3) and their first and second rates in the frame."""
     directors = np.swapaxes(configuration.orientation, -1, -2)
     spin, turning = velocity[:, None, 3:], acceleration[:, None, 3:]
-    rates = np.cross(spin, directors)
-    second = np.cross(turning, directors) + np.cross(spin, rates)
+    rates = cross(spin, directors)
+    second = cross(turning, directors) + cross(spin, rates)
     return (
         np.concatenate([configuration.position[:, None], directors], axis=1),
         np.concatenate([velocity[:, None, :3], rates], axis=1),
@@ -70,24 +70,19 @@ def dynamic_forces(
     """
     points, rates, second = _points(configuration, velocity, acceleration)
     spin, turning = frame.velocity[3:], frame.acceleration[3:]
-    second = (
-        second
-        + 2.0 * np.cross(spin, rates)
-        + np.cross(turning, points)
-        + np.cross(spin, np.cross(spin, points))
-    )
-    second[:, 0] += frame.acceleration[:3] + np.cross(spin, frame.velocity[:3])
+    second = second + 2.0 * cross(spin, rates) + cross(turning, points) + cross(spin, cross(spin, points))
+    second[:, 0] += frame.acceleration[:3] + cross(spin, frame.velocity[:3])
     momentum_rate = (body.distribution @ second.reshape(-1, 3)).reshape(points.shape)
-    moments = np.cross(points[:, 1:], momentum_rate[:, 1:]).sum(axis=1)
+    moments = cross(points[:, 1:], momentum_rate[:, 1:]).sum(axis=1)
     nodal = internal_force(body.beam, configuration) + np.concatenate([momentum_rate[:, 0], moments], axis=1)
-    about_origin = np.cross(points, momentum_rate).sum(axis=(0, 1))
+    about_origin = cross(points, momentum_rate).sum(axis=(0, 1))
     return nodal, np.concatenate([momentum_rate[:, 0].sum(axis=0), about_origin])
 
 
 def energy(body: Body, configuration: Configuration, velocity: Array, frame: FrameMotion) -> float:
     """Kinetic and elastic energy [J] of the body as seen from the ground."""
     points, rates, _ = _points(configuration, velocity, np.zeros_like(velocity))
-    rates += np.cross(frame.velocity[3:], points)
+    rates += cross(frame.velocity[3:], points)
     rates[:, 0] += frame.velocity[:3]
     flat = rates.reshape(-1, 3)
     return 0.5 * float(np.sum(flat * (body.distribution @ flat))) + strain_energy(body.beam, configuration)

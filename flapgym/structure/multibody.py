@@ -18,7 +18,7 @@ from flapgym.structure.body_motion import Body, FrameMotion, dynamic_forces, dyn
 from flapgym.structure.equilibrium import solve_equilibrium
 from flapgym.structure.inertia import section_mass
 from flapgym.structure.march import Motion
-from flapgym.structure.rotation import Array, about_x, about_y, hat
+from flapgym.structure.rotation import Array, about_x, about_y, cross, hat
 from flapgym.structure.support import NACELLE_ROLL_INERTIA, shaft_beam, tower_beam
 from flapgym.turbine import Turbine
 
@@ -157,7 +157,7 @@ class MovingTurbine:
         axes, position = self._hub(motion)
         base = self.base(motion.time).velocity
         end = motion.velocity[self.slices[-1]][-6:]
-        linear = end[:3] + base[:3] + np.cross(base[3:], position)
+        linear = end[:3] + base[:3] + cross(base[3:], position)
         turn = about_x(self.rotor_speed * motion.time)
         rotor = motion.velocity[-6:] - np.append(np.zeros(3), self.rotor_speed * _AXIS)
         return np.concatenate(
@@ -179,7 +179,7 @@ class MovingTurbine:
             nodal, total = dynamic_forces(body, shape, rates, second, carrier)
             if index < len(loads):
                 nodal = nodal - loads[index]
-                moments = loads[index][:, 3:] + np.cross(shape.position, loads[index][:, :3])
+                moments = loads[index][:, 3:] + cross(shape.position, loads[index][:, :3])
                 total = total - np.concatenate([loads[index][:, :3].sum(axis=0), moments.sum(axis=0)])
             if index < len(self.blades):
                 resultant = resultant + total
@@ -243,5 +243,5 @@ def _rigid_forces(mass: Array, frame: FrameMotion) -> Array:
     spin = np.kron(np.eye(2), hat(frame.velocity[3:]))
     momentum = mass @ frame.velocity
     force = mass @ frame.acceleration + spin @ momentum
-    force[3:] += np.cross(frame.velocity[:3], momentum[:3])
+    force[3:] += cross(frame.velocity[:3], momentum[:3])
     return force

@@ -50,6 +50,9 @@ class StateSpace:
                 raise ValueError(f"state_space.{name}: expected shape {shape}, got {matrix.shape}")
             if not np.isfinite(matrix).all():
                 raise ValueError(f"state_space.{name}: expected finite entries, got NaN or infinity")
+        for kind, names in (("inputs", self.inputs), ("outputs", self.outputs)):
+            if len(set(names)) < len(names):
+                raise ValueError(f"state_space.{kind}: expected distinct names, got {', '.join(names)}")
         if not self.time_step > 0.0:
             raise ValueError(f"state_space.time_step: expected a positive time [s], got {self.time_step}")
 
@@ -65,13 +68,14 @@ class StateSpace:
     def frequency_response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         """Response at frequencies [Hz], shape (nf, ny, nu): output per unit harmonic input.
 
-        The Hessenberg form is computed once, so a further frequency costs O(n^2).
+        The Schur form is computed once, so a further frequency costs O(n^2).
         """
-        hessenberg, basis = scipy.linalg.hessenberg(self.A, calc_q=True)
-        b, c = basis.T @ self.B, self.C @ basis
+        triangle, basis = scipy.linalg.schur(self.A, output="complex")
+        b, c = basis.conj().T @ self.B, self.C @ basis
         eye = np.eye(self.order)
         z = np.exp(2j * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float)) * self.time_step)
-        return np.stack([c @ np.linalg.solve(value * eye - hessenberg, b) + self.D for value in z])
+        states = [scipy.linalg.solve_triangular(value * eye - triangle, b) for value in z]
+        return np.stack([c @ state + self.D for state in states])
 
     def dc_gain(self) -> Array:
         """Steady output per unit constant input, shape (ny, nu)."""
@@ -96,10 +100,9 @@ class StateSpace:
             outputs=outputs,
         )
 
-    def stationary_covariance(self, noise_covariance: ArrayLike | None = None) -> Array:
-        """State covariance under white noise of unit (or given) input covariance: P = A P A' + B W B'."""
-        w = np.eye(len(self.inputs)) if noise_covariance is None else np.asarray(noise_covariance, float)
-        return np.asarray(scipy.linalg.solve_discrete_lyapunov(self.A, self.B @ w @ self.B.T))
+    def stationary_covariance(self) -> Array:
+        """State covariance under white noise of unit variance on every input: P = A P A' + B B'."""
+        return np.asarray(scipy.linalg.solve_discrete_lyapunov(self.A, self.B @ self.B.T))
 
     def simulate(self, u: ArrayLike, x0: ArrayLike | None = None) -> Array:
         """Outputs (T, ny) for inputs u (T, nu) from state x0 (default zero)."""

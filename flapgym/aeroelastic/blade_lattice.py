@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flapgym.aerodynamics import (
     Aerodynamics,
@@ -25,6 +26,7 @@ from flapgym.state_space import Array
 from flapgym.structure import LinearBlade
 from flapgym.turbine import Case
 
+_MOST_ROWS = 4096
 _SCALING_FREQUENCY = 0.2  # Hz; lattice outputs count by their size here, where turbulence has its energy
 
 
@@ -38,7 +40,9 @@ class BladeLattice:
         Downwash at the collocation points per unit input: mode rates (m), modes (m), hub velocity (6), hub
         rotation about y and z (2), flap angle and rate, gust in each spanwise strip.
     load : (m + 6, 3 P) float
-        Generalised force on the modes, and force and moment on the hub apex, per unit panel force.
+        Generalised force on the modes, and force and moment on the hub apex, per unit panel force. The forces
+        are those of the perturbed circulation in the mean flow; the mean circulation in the perturbed flow is
+        left out, as in the paper: 3 % of the flapwise moment by gust, but 40 % of the torque.
     modes, strips : int
         m and the number of strips.
     convected : bool
@@ -60,7 +64,7 @@ class BladeLattice:
         return np.hstack([eye[:, bounds[i] : bounds[i + 1]] for i in map(groups.index, names)])
 
     @property
-    def motion(self) -> tuple[Array, Array]:
+    def motion_inputs(self) -> tuple[Array, Array]:
         """Inputs per held position and per rate of the modes and the hub motion (u, phi), each (nu, m + 6)."""
         unfelt = np.zeros((self.downwash.shape[1], 4))  # translations, and turning about the shaft
         held = np.hstack([self.select("mode"), unfelt, self.select("hub_turn")])
@@ -73,6 +77,12 @@ def blade_lattice(case: Case, aero: Aerodynamics, blade: LinearBlade, shape: Arr
     displacement, rotation = interpolation(blade, collocation)
     force_displacement, _ = interpolation(blade, aero.force_point)
     angle, rate = flap_downwash(aero, case.flap)
+    if not (np.isfinite(angle).all() and angle.any()):
+        flap = case.flap
+        raise ValueError(
+            f"flap: the lattice resolves no flap from span_start {flap.span_start:g} to span_end {flap.span_end:g} "
+            f"of chord_fraction {flap.chord_fraction:g}; make it larger"
+        )
     gust = gust_downwash(aero)
     hub = hub_turn_downwash(aero, case.operating_point.wind_speed)
     downwash = np.hstack(
@@ -91,20 +101,38 @@ def blade_lattice(case: Case, aero: Aerodynamics, blade: LinearBlade, shape: Arr
     return BladeLattice(downwash, load, shape.shape[1], gust.shape[1], convected)
 
 
+def lattice_response(
+    aero: Aerodynamics, lattice: BladeLattice, component: int, z: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Loads per input (nz, m + 6, nu) of one cyclic component at points z, with the lattice's own kind of gust."""
+    response = transfer_function(aero, component, z, lattice.downwash, lattice.load)
+    if lattice.convected:
+        gust = convected_gust_downwash(aero, z)
+        response[:, :, -lattice.strips :] = transfer_function(aero, component, z, gust, lattice.load)
+    return response
+
+
 def reduce_component(
     aero: Aerodynamics, lattice: BladeLattice, component: int, order: int, tolerance: float = 0.0
 ) -> ReducedSystem:
     """Balanced reduction of one cyclic component of the lattice, scaled to comparable inputs and outputs.
 
     ``order`` is the most states to keep; those whose singular value is below ``tolerance`` of the largest go too.
+
+    Raises
+    ------
+    ValueError
+        If the wake has more than 4096 rows, which would take some 10 GB, or the reduction fails.
     """
+    if aero.wake_rows > _MOST_ROWS:
+        raise ValueError(
+            f"discretisation.wake_length: {aero.wake_rows} wake rows, the reduction takes at most {_MOST_ROWS}; "
+            "shorten the wake or raise time_step"
+        )
     # The impulse response lasts somewhat longer than the wake: four times that leaves nothing to fold back.
     frequencies = max(2048, 2 ** int(np.ceil(np.log2(4 * aero.wake_rows))))
     z = np.exp(2j * np.pi * np.arange(frequencies) / frequencies)
-    response = transfer_function(aero, component, z, lattice.downwash, lattice.load)
-    if lattice.convected:
-        gust = convected_gust_downwash(aero, z)
-        response[:, :, -lattice.strips :] = transfer_function(aero, component, z, gust, lattice.load)
+    response = lattice_response(aero, lattice, component, z)
     input_scale = 1.0 / np.sqrt((lattice.downwash**2).mean(axis=0))
     at = round(_SCALING_FREQUENCY * aero.time_step * frequencies)
     output_scale = np.sqrt((np.abs(response[at] * input_scale) ** 2).mean(axis=1))

@@ -15,7 +15,7 @@ from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equations
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.trim import deflected_lattice, trim
-from flapgym.reduction import normal_modes
+from flapgym.reduction import normal_modes, output_rms
 from flapgym.state_space import StateSpace, delayed, series
 from flapgym.structure import linear_support
 from flapgym.turbine import Case
@@ -40,13 +40,12 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     Returns
     -------
     TurbineModel
+        Its single blade keeps the shape it has in the rotor's trim and turns alone in its own wake.
 
     Raises
     ------
     ValueError
-        If the reduced aerodynamics or the coupled model is unstable.
-    EquilibriumError, RuntimeError
-        If blade and lattice find no balance.
+        If blade and lattice find no balance, or the reduced aerodynamics or the coupled model is unstable.
     """
     tell = progress or (lambda stage: None)
     tell(STAGES[0])
@@ -130,5 +129,4 @@ def open_loop_rms(case: Case, turbine: StateSpace) -> float:
         point.wind_speed, turbulence.intensity, turbulence.length_scale, case.discretisation.time_step
     )
     driven = series(wind, turbine.select(inputs=["wind"], outputs=["rbm_0", "rbm_c", "rbm_s"]))
-    covariance = driven.C @ driven.stationary_covariance() @ driven.C.T + driven.D @ driven.D.T
-    return float(np.sqrt(np.diag(covariance) @ [1.0, 0.5, 0.5]))
+    return float(np.sqrt(output_rms(driven) ** 2 @ [1.0, 0.5, 0.5]))

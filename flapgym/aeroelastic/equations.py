@@ -55,7 +55,7 @@ def turbine_equations(parts: Parts) -> Equations:
     structure, rate, acceleration = turbine_structure(own, modal_support, components, speed)
     T = components.reshape(-1, structure.mass.shape[0])
 
-    held, moving = lattice.motion
+    held, moving = lattice.motion_inputs
     three = np.eye(3)
     gust = np.kron(three[:, :1], lattice.select("gust").sum(axis=1, keepdims=True))
     lattice_input = LatticeInput(
@@ -134,7 +134,7 @@ def periodic_equations(
     """
     lattice = parts.lattice
     support, support_shape = modal_support_matrices(parts)
-    held, moving = lattice.motion
+    held, moving = lattice.motion_inputs
     each = np.array(flap_effectiveness)
     return PeriodicEquations(
         blades=(modal_blade_matrices(parts),) * 3,

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.aerodynamics import Aerodynamics, convected_gust_downwash, transfer_function
-from flapgym.aeroelastic.blade_lattice import BladeLattice
+from flapgym.aerodynamics import Aerodynamics
+from flapgym.aeroelastic.blade_lattice import BladeLattice, lattice_response
 from flapgym.aeroelastic.coupling import Equations
 
 ComplexArray = NDArray[np.complex128]
@@ -62,20 +62,15 @@ def harmonic_response(
 
 def _rotor_response(aero: Aerodynamics, lattice: BladeLattice, z: ComplexArray, turn: float) -> ComplexArray:
     """Lattice loads per input in the components (0, c, s) at points z, (nz, 3 ny, 3 nu); `turn` [rad] per step."""
-
-    def component(number: int, at: ComplexArray) -> ComplexArray:
-        response = transfer_function(aero, number, at, lattice.downwash, lattice.load)
-        if lattice.convected:
-            gust = convected_gust_downwash(aero, at)
-            response[:, :, -lattice.strips :] = transfer_function(aero, number, at, gust, lattice.load)
-        return response
-
     # c - j s is the whirl component carried back by the rotor's turn, c + j s its conjugate.
     whirl = np.stack(
-        [component(1, z * np.exp(1j * turn)), component(1, (z * np.exp(-1j * turn)).conj()).conj()]
+        [
+            lattice_response(aero, lattice, 1, z * np.exp(1j * turn)),
+            lattice_response(aero, lattice, 1, (z * np.exp(-1j * turn)).conj()).conj(),
+        ]
     )
     to_whirl = np.array([[1.0, -1j], [1.0, 1j]])
-    collective = component(0, z)
+    collective = lattice_response(aero, lattice, 0, z)
     _, ny, nu = collective.shape
     full = np.zeros((len(z), 3 * ny, 3 * nu), dtype=complex)
     full[:, :ny, :nu] = collective

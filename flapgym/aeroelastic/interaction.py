@@ -10,6 +10,7 @@ import numpy as np
 from flapgym.aerodynamics import Aerodynamics
 from flapgym.state_space import Array
 from flapgym.structure import LinearBlade
+from flapgym.structure.rotation import hat
 
 
 def interpolation(blade: LinearBlade, point: Array) -> tuple[Array, Array]:
@@ -42,7 +43,7 @@ def interpolation(blade: LinearBlade, point: Array) -> tuple[Array, Array]:
     count = len(node)
     displacement = np.zeros((len(point), 3, count, 6))
     rotation = np.zeros_like(displacement)
-    lever = -cross_matrix(point - foot)  # theta x arm = -[arm]x theta
+    lever = -hat(point - foot)  # theta x arm = -[arm]x theta
     index = np.arange(len(point))
     for end, weight in ((element, 1.0 - outer), (element + 1, outer)):
         displacement[index, :, end, :3] += weight[:, None, None] * np.eye(3)
@@ -69,14 +70,14 @@ def displacement_downwash(
     turned = np.einsum(
         "pi,pik->pk", np.cross(normal, aero.relative_velocity), _by_point(rotation)
     )  # (theta x n) . V = theta . (n x V)
-    spin = cross_matrix(np.array([rotor_speed, 0.0, 0.0]))
+    spin = hat(np.array([rotor_speed, 0.0, 0.0]))
     return np.asarray(turned - np.einsum("pi,ij,pjk->pk", normal, spin, _by_point(displacement)))
 
 
 def rigid_displacement(point: Array) -> Array:
     """Displacement (3 p, 6) of points per unit translation and rotation of the hub about its apex."""
     moves = np.broadcast_to(np.eye(3), (len(point), 3, 3))
-    return np.concatenate([moves, -cross_matrix(point)], axis=2).reshape(-1, 6)
+    return np.concatenate([moves, -hat(point)], axis=2).reshape(-1, 6)
 
 
 def hub_turn_downwash(aero: Aerodynamics, wind_speed: float) -> Array:
@@ -86,14 +87,6 @@ def hub_turn_downwash(aero: Aerodynamics, wind_speed: float) -> Array:
     """
     wind = np.array([wind_speed, 0.0, 0.0])
     return -np.cross(wind, aero.normal)  # n . (phi x U) = phi . (U x n)
-
-
-def cross_matrix(vector: Array) -> Array:
-    """[v]x (..., 3, 3) with [v]x a = v x a."""
-    x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def _by_point(matrix: Array) -> Array:

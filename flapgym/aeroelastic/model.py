@@ -61,9 +61,11 @@ class TurbineModel:
         theta_b = theta + 2 pi b / 3 (b = 0, 1, 2). Inputs ``TURBINE_INPUTS``: flap angle [rad] and
         rate [rad/s] in multi-blade coordinates, homogeneous wind perturbation along the shaft [m/s].
         Outputs ``TURBINE_OUTPUTS``: flapwise root bending moment [N m] and tip deflection [m] in
-        multi-blade coordinates, tower-top displacement [m] downwind and sideways.
+        multi-blade coordinates, tower-top displacement [m] downwind and sideways (positive to the left of one
+        who looks downwind). All are perturbations about the trim; gravity is left out.
     blade : StateSpace
-        One blade clamped at its root, rotating, alone in its wake (the paper's design model): inputs
+        One blade clamped at its root, rotating alone in its own wake but bent as in the rotor's trim (the
+        paper's design model): inputs
         ``BLADE_INPUTS``, outputs ``BLADE_OUTPUTS``, same units.
     name : str
         Name of the case.
@@ -104,7 +106,7 @@ class TurbineModel:
         """SHA-256 of how the model answers: what an agent names to say which model it was made for.
 
         Steady and dynamic responses, to a thousandth of each output's largest. It knows no coordinates, so a
-        rebuild of the same case on another machine, equal to rounding, has the same hash.
+        rebuild of the same case on another machine, equal but for rounding, almost surely has the same hash.
         """
         digest = hashlib.sha256(repr((self.wind_speed, self.rotor_speed, self.time_step)).encode())
         for name in _SYSTEMS:
@@ -137,7 +139,7 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     for system in _SYSTEMS:
         part = getattr(model, system)
         header[system] = {"inputs": part.inputs, "outputs": part.outputs}
-    header["checksum"] = _checksum(tensors)
+    header["checksum"] = _checksum(tensors, header)
     # The header is one JSON text under a key of our own: safetensors metadata holds strings only.
     metadata = {"flapgym": json.dumps(header, sort_keys=True)}
     write_atomically(path, safetensors.numpy.save(tensors, metadata))
@@ -171,18 +173,22 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
         raise ValueError(
             f"model {path}: format version {version}, this flapgym reads {FORMAT_VERSION}; build it again"
         )
-    if checksum != _checksum(tensors):
-        raise ValueError(f"model {path}: damaged, its matrices do not match their checksum; build it again")
-    systems = {}
-    for system in _SYSTEMS:
-        names = header.pop(system)
-        systems[system] = StateSpace(
-            **{matrix: tensors[f"{system}.{matrix}"] for matrix in _MATRICES},
-            time_step=header["time_step"],
-            inputs=tuple(names["inputs"]),
-            outputs=tuple(names["outputs"]),
-        )
-    return TurbineModel(turbine=systems["turbine"], blade=systems["blade"], **header)
+    if checksum != _checksum(tensors, header):
+        raise ValueError(f"model {path}: damaged, its content does not match its checksum; build it again")
+    try:
+        names = {system: header.pop(system) for system in _SYSTEMS}
+        systems = {
+            system: StateSpace(
+                **{matrix: tensors[f"{system}.{matrix}"] for matrix in _MATRICES},
+                time_step=header["time_step"],
+                inputs=tuple(names[system]["inputs"]),
+                outputs=tuple(names[system]["outputs"]),
+            )
+            for system in _SYSTEMS
+        }
+        return TurbineModel(turbine=systems["turbine"], blade=systems["blade"], **header)
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"model {path}: incomplete ({error}); build it again") from None
 
 
 def _find(name: str | os.PathLike[str]) -> Path:
@@ -204,8 +210,8 @@ def _tensors(model: TurbineModel) -> dict[str, Array]:
     }
 
 
-def _checksum(tensors: Mapping[str, Array]) -> str:
-    digest = hashlib.sha256()
+def _checksum(tensors: Mapping[str, Array], header: Mapping[str, Any]) -> str:
+    digest = hashlib.sha256(json.dumps(header, sort_keys=True).encode())
     for key in sorted(tensors):
         digest.update(key.encode())
         digest.update(str(tensors[key].shape).encode())

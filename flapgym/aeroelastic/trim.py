@@ -13,7 +13,7 @@ import numpy as np
 from flapgym.aerodynamics import Aerodynamics, MeanLoads, build_aerodynamics, mean_loads
 from flapgym.aeroelastic.interaction import interpolation
 from flapgym.state_space import Array
-from flapgym.structure import LinearBlade, blade_beam, linear_blade
+from flapgym.structure import EquilibriumError, LinearBlade, blade_beam, linear_blade
 from flapgym.turbine import Case
 
 MAX_ITERATIONS = 20
@@ -54,17 +54,22 @@ def trim(case: Case, blades: int = 3) -> Trim:
 
     Raises
     ------
-    EquilibriumError
-        If the beam finds no balance under a load.
-    RuntimeError
-        If lattice and beam do not settle; the message says how far apart they are.
+    ValueError
+        If the beam finds no balance under a load, or lattice and beam do not settle; the message says how far
+        apart they are.
     """
     grid = case.discretisation
 
+    point = case.operating_point
+
     def bend(load: Array | None) -> LinearBlade:
-        return linear_blade(
-            case.turbine, grid.blade_elements, case.rotor_speed, case.operating_point.pitch, load
-        )
+        try:
+            return linear_blade(case.turbine, grid.blade_elements, case.rotor_speed, point.pitch, load)
+        except EquilibriumError as error:
+            raise ValueError(
+                f"operating_point: the blade finds no balance at {point.wind_speed:g} m/s and "
+                f"{case.rotor_speed:.3g} rad/s ({error}); lower wind_speed or tip_speed_ratio"
+            ) from error
 
     blade, move = bend(None), np.inf
     for iteration in range(1, MAX_ITERATIONS + 1):
@@ -75,9 +80,9 @@ def trim(case: Case, blades: int = 3) -> Trim:
         blade = after
         if move < TOLERANCE:
             return Trim(blade, rotor, loads, iteration)
-    raise RuntimeError(
-        f"trim: blade and lattice still move by {move:.3g} m after {MAX_ITERATIONS} rounds; "
-        "lower the wind speed or the tip-speed ratio"
+    raise ValueError(
+        f"operating_point: blade and lattice still move by {move:.3g} m after {MAX_ITERATIONS} rounds; "
+        "lower wind_speed or tip_speed_ratio"
     )
 
 

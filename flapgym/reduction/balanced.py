@@ -98,10 +98,11 @@ def balanced_reduction(
 
     left, values, right = _randomised_svd(hankel, order + _MARGIN)
     rank = int((values > 1e-12 * values[0]).sum())
-    if rank < order:
-        raise ValueError(f"balanced_reduction.order: the system has only {rank} states, got {order}")
     left, values, right = left[:, :rank], values[:rank], right[:, :rank]
-    order = min(order, int((values >= tolerance * values[0]).sum()))
+    if tolerance > 0.0:
+        order = min(order, int((values >= tolerance * values[0]).sum()))
+    if order > rank:
+        raise ValueError(f"balanced_reduction.order: the system has only {rank} states, got {order}")
     root = np.sqrt(values)
     A = (left / root).conj().T @ shifted.apply(right / root)
     B = (right[:inputs] * root).conj().T
@@ -132,7 +133,8 @@ class _BlockHankel:
         self.rows = block_rows
         self.outputs, self.inputs = impulse.shape[1:]
         self.is_complex = np.iscomplexobj(impulse)
-        self.length = scipy.fft.next_fast_len(3 * block_rows)
+        # What wraps around falls on the first block_rows - 1 entries, which _correlate does not keep.
+        self.length = scipy.fft.next_fast_len(2 * block_rows - 1)
         # Half the spectrum of a real impulse response says it all, at half the cost.
         self.forward = scipy.fft.fft if self.is_complex else scipy.fft.rfft
         self.inverse = scipy.fft.ifft if self.is_complex else scipy.fft.irfft

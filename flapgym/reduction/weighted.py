@@ -2,10 +2,12 @@
 
 In multi-blade coordinates the coupled turbine is time-invariant, so it can be reduced once more as a whole,
 which the azimuth-dependent form forbids. Input weighting (Enns 1984, one-sided) spends the states where
-turbulence and flaps have their energy, and keeps the reduced model stable.
+turbulence and flaps have their energy; but for rounding it keeps the reduced model stable.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
@@ -13,54 +15,60 @@ import scipy.linalg
 from flapgym.state_space import Array, StateSpace, series
 
 
-def weighted_truncation(system: StateSpace, weight: StateSpace, order: int) -> tuple[StateSpace, Array]:
-    """Reduce a stable system by input-weighted balanced truncation, the steady gain made exact by the feedthrough.
+@dataclass(frozen=True, eq=False)
+class Balanced:
+    """A system in input-weighted balanced coordinates, ready to be cut at any order.
 
-    Parameters
+    Attributes
     ----------
     system : StateSpace
-        Stable system of n states.
-    weight : StateSpace
-        Shapes white noise of unit variance into the system's inputs, whose names its outputs bear.
-    order : int
-        States to keep, 1 <= order <= n.
-
-    Returns
-    -------
-    reduced : StateSpace
-        The same inputs and outputs.
+        The full system.
     values : (n,) float
         Weighted Hankel singular values, outputs scaled to their rms under the weight; largest first.
-
-    Raises
-    ------
-    ValueError
-        If ``order`` is out of range or the reduced system is unstable.
+    into, back : (n, n) float
+        To and from balanced coordinates, each scaled by the root of the values.
     """
+
+    system: StateSpace
+    values: Array
+    into: Array
+    back: Array
+
+    def truncated(self, order: int) -> StateSpace:
+        """The system of so many states, its steady gain made exact by the feedthrough.
+
+        Raises
+        ------
+        ValueError
+            If the order is out of range or rounding makes the cut system unstable.
+        """
+        full = self.system
+        if not 1 <= order <= full.order:
+            raise ValueError(f"truncated.order: expected 1 <= order <= {full.order}, got {order}")
+        root = np.sqrt(self.values[:order])
+        into, back = self.into[:order] / root[:, None], self.back[:, :order] / root
+        A, B, C = into @ full.A @ back, into @ full.B, full.C @ back
+        D = full.dc_gain() - C @ np.linalg.solve(np.eye(order) - A, B)
+        reduced = StateSpace(A, B, C, D, full.time_step, full.inputs, full.outputs)
+        radius = reduced.spectral_radius()
+        if radius >= 1.0:
+            raise ValueError(
+                f"truncated: order {order} is unstable (spectral radius {radius:.6f}); "
+                "take another order, or a larger coupled_tolerance"
+            )
+        return reduced
+
+
+def balance(system: StateSpace, weight: StateSpace) -> Balanced:
+    """Balance a stable system for white noise shaped by ``weight`` into its inputs (names must match)."""
     n = system.order
-    if not 1 <= order <= n:
-        raise ValueError(f"weighted_truncation.order: expected 1 <= order <= {n}, got {order}")
     driven = series(weight, system)
-    covariance = driven.stationary_covariance()[-n:, -n:]
-    scale = 1.0 / output_rms(driven)
-    scaled = scale[:, None] * system.C
+    covariance = driven.stationary_covariance()
+    scaled = system.C / _rms(driven, covariance)[:, None]
     observability = scipy.linalg.solve_discrete_lyapunov(system.A.T, scaled.T @ scaled)
-    reach, see = _factor(covariance), _factor(observability)
+    reach, see = _factor(covariance[-n:, -n:]), _factor(observability)
     left, values, right = np.linalg.svd(see.T @ reach)
-    root = np.sqrt(values[:order])
-    to_balanced = (see @ left[:, :order] / root).T
-    from_balanced = reach @ right[:order].T / root
-    A, B = to_balanced @ system.A @ from_balanced, to_balanced @ system.B
-    C = system.C @ from_balanced
-    D = system.dc_gain() - C @ np.linalg.solve(np.eye(order) - A, B)
-    reduced = StateSpace(A, B, C, D, system.time_step, system.inputs, system.outputs)
-    radius = reduced.spectral_radius()
-    if radius >= 1.0:
-        raise ValueError(
-            f"weighted_truncation: order {order} gives an unstable system (spectral radius {radius:.6f}); "
-            "change the order"
-        )
-    return reduced, values
+    return Balanced(system, values, (see @ left).T, reach @ right.T)
 
 
 def relative_error(system: StateSpace, reduced: StateSpace, weight: StateSpace) -> Array:
@@ -79,8 +87,12 @@ def relative_error(system: StateSpace, reduced: StateSpace, weight: StateSpace) 
 
 def output_rms(driven: StateSpace) -> Array:
     """Stationary rms of every output under white noise of unit variance, shape (ny,)."""
-    covariance = driven.C @ driven.stationary_covariance() @ driven.C.T + driven.D @ driven.D.T
-    return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return _rms(driven, driven.stationary_covariance())
+
+
+def _rms(driven: StateSpace, covariance: Array) -> Array:
+    square = driven.C @ covariance @ driven.C.T + driven.D @ driven.D.T
+    return np.sqrt(np.maximum(np.diag(square), 0.0))
 
 
 def _factor(gramian: Array) -> Array:

@@ -172,6 +172,40 @@ class Case:
     def __post_init__(self) -> None:
         check_fields(self)
         self.turbine.blade_sections(self.discretisation.blade_elements)
+        self._check_structure()
+        self._check_lattice()
+
+    def _check_structure(self) -> None:
+        grid, keep, turbine = self.discretisation, self.reduction, self.turbine
+        if turbine.rotor.blade_count != 3:
+            raise ValueError(f"rotor.blade_count: expected 3, got {turbine.rotor.blade_count}")
+        stations = len(turbine.tower.height)
+        if grid.tower_elements != stations - 1:
+            raise ValueError(
+                f"discretisation.tower_elements: expected {stations - 1}, one between the tower's {stations} stations, "
+                f"got {grid.tower_elements}"
+            )
+        for name, most in (
+            ("blade_modes", 6 * grid.blade_elements),
+            ("tower_modes", 6 * grid.tower_elements + 6),
+        ):
+            if getattr(keep, name) > most:
+                raise ValueError(
+                    f"reduction.{name}: expected at most {most}, the unknowns of its beams, got {getattr(keep, name)}"
+                )
+
+    def _check_lattice(self) -> None:
+        """Refuse a lattice on sections without lift."""
+        grid, planform = self.discretisation, self.turbine.planform
+        radius = self.turbine.blade_sections(grid.blade_elements).radius
+        nearest = np.abs(planform.radius[None] - radius[:, None]).argmin(axis=1)
+        lifts = [self.turbine.airfoil(planform.airfoil[station]).lift_slope > 0.0 for station in nearest]
+        lowest = len(lifts) - lifts[::-1].index(False) if False in lifts else 0
+        if grid.first_lattice_node < lowest:
+            raise ValueError(
+                f"discretisation.first_lattice_node: expected at least {lowest} (r = {radius[lowest]:.2f} m), "
+                f"where the sections have lift, got {grid.first_lattice_node}"
+            )
 
     @property
     def rotor_speed(self) -> float:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.aerodynamics import march, transfer_function
+from flapgym.aerodynamics import march
 from flapgym.aerodynamics.downwash import glauert_scale
 from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component
@@ -13,6 +13,7 @@ from flapgym.aeroelastic.build import STAGES, build_model, open_loop_rms
 from flapgym.aeroelastic.compact import activity
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, turbine_equations
+from flapgym.aeroelastic.exact import harmonic_response
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.trim import trim
 from flapgym.reduction import normal_modes, relative_error
@@ -27,7 +28,7 @@ FREQUENCY = np.array([0.005, 0.02, 0.1, 0.2, 0.32, 0.5, 0.7, 1.0, 1.5])
 
 @pytest.fixture(scope="module")
 def rebuilt() -> TurbineModel:
-    stages = []
+    stages: list[str] = []
     model = build_model(CASE, stages.append)
     assert tuple(stages) == STAGES
     return model
@@ -46,64 +47,34 @@ def exact_response(rotor, modes):
     lattice = blade_lattice(CASE, aero, blade, shape)
     support = linear_support(CASE.turbine, CASE.rotor_speed)
     equations = turbine_equations(Parts(CASE, blade, support, frequency, shape, lattice))
-    structure, asks, read = equations.structure, equations.lattice_input, equations.output
-    z = np.exp(2j * np.pi * FREQUENCY * DT)
-    turn = np.exp(1j * CASE.rotor_speed * DT)
-    collective = transfer_function(aero, 0, z, lattice.downwash, lattice.load)
-    # c - j s turns with the rotor, c + j s against it.
-    forward = transfer_function(aero, 1, z * turn, lattice.downwash, lattice.load)
-    backward = transfer_function(aero, 1, (z / turn).conj(), lattice.downwash, lattice.load).conj()
-    to_whirl = np.array([[1.0, -1j], [1.0, 1j]])
-    responses = []
-    for point, h0, *h in zip(z, collective, forward, backward, strict=True):
-        whirl = np.einsum("ai,iyu,ib->aybu", np.linalg.inv(to_whirl), np.stack(h), to_whirl)
-        ny, nu = h0.shape
-        full = np.zeros((3 * ny, 3 * nu), complex)
-        full[:ny, :nu] = h0
-        full[ny:, nu:] = whirl.reshape(2 * ny, 2 * nu)
-        s = 2.0 / DT * (point - 1.0) / (point + 1.0)
-        drive = asks.position + s * asks.velocity
-        dynamic = structure.mass * s**2 + structure.damping * s + structure.stiffness
-        d = np.linalg.solve(dynamic - structure.work @ full @ drive, structure.work @ full @ asks.exogenous)
-        load = full @ (drive @ d + asks.exogenous)
-        responses.append(
-            (read.acceleration * s**2 + read.velocity * s + read.position) @ d + read.load @ load
-        )
-    return np.stack(responses)
+    return harmonic_response(equations, aero, lattice, FREQUENCY, CASE.rotor_speed)
 
 
 def channel_error(ours, exact):
-    """Error of every channel, over frequency in rms, relative to that channel's own rms."""
-    return np.sqrt((np.abs(ours - exact) ** 2).mean(axis=0) / (np.abs(exact) ** 2).mean(axis=0))
+    """Error of every channel over frequency in rms, relative to the largest channel of its output and kind of input.
+
+    Kinds are flap angles, flap rates and wind: a small cross channel counts by what it adds to the large ones.
+    """
+    error, size = (np.sqrt((np.abs(part) ** 2).mean(axis=0)) for part in (ours - exact, exact))
+    kinds = [slice(0, 3), slice(3, 6), slice(6, 7)]
+    blades = [slice(0, 3), slice(3, 6), slice(6, 7), slice(7, 8)]
+    return np.array([[error[y, u].max() / size[y, u].max() for u in kinds] for y in blades])
 
 
-@pytest.fixture(scope="module")
-def channels():
-    """Channels a person reads: moment, tip and fore-aft tower by wind, moment and tip by each flap component."""
-    model = load_model()
-    rows, columns = list(model.turbine.outputs), list(model.turbine.inputs)
-    pairs = [("rbm_0", "wind"), ("tip_deflection_0", "wind"), ("tower_fore_aft", "wind")]
-    pairs += [
-        (f"{out}_{i}", f"flap_{of}_{i}")
-        for out in ("rbm", "tip_deflection")
-        for of in ("angle", "rate")
-        for i in "0cs"
-    ]
-    return tuple(np.array([[rows.index(y), columns.index(u)] for y, u in pairs]).T)
-
-
-def test_reducing_the_lattice_to_150_states_changes_no_channel_by_half_a_percent_below_1_5_hz(
-    rotor, channels
+def test_reducing_the_lattice_to_150_states_keeps_moment_tip_and_fore_aft_to_a_quarter_percent_below_1_5_hz(
+    rotor,
 ):
     ours = load_model().turbine.frequency_response(FREQUENCY)
     exact = exact_response(rotor, CASE.reduction.blade_modes)
-    assert channel_error(ours, exact)[channels].max() < 5e-3
+    error = channel_error(ours, exact)
+    assert error[:3].max() < 2.5e-3
+    assert error[3].max() < 1e-2  # side to side, which in-plane loads drive
 
 
-def test_thirteen_blade_modes_leave_two_percent_of_all_seventy_two_below_1_5_hz(rotor, channels):
+def test_thirteen_blade_modes_leave_two_percent_of_all_seventy_two_below_1_5_hz(rotor):
     few = exact_response(rotor, CASE.reduction.blade_modes)
     all_modes = exact_response(rotor, 72)
-    assert channel_error(few, all_modes)[channels].max() < 2e-2
+    assert channel_error(few, all_modes).max() < 2e-2
 
 
 def test_reduced_rotor_follows_the_marched_wake_when_one_flap_steps(rotor):
@@ -160,16 +131,6 @@ def test_open_loop_rms_is_the_spectrum_through_the_frequency_response(rebuilt):
     assert open_loop_rms(CASE, rebuilt.turbine) == pytest.approx(rms, rel=5e-3)
 
 
-def test_halving_the_flap_halves_its_gain_and_changes_the_hash(rebuilt):
-    share = 0.5 * glauert_scale(CASE.discretisation.chordwise_panels, CASE.flap.chord_fraction)
-    halved = build_model(replace(CASE, flap=replace(CASE.flap, effectiveness=share)))
-    columns = [name for name in rebuilt.turbine.inputs if name != "wind"]
-    half, whole = (m.turbine.select(inputs=columns).dc_gain() for m in (halved, rebuilt))
-    np.testing.assert_allclose(half[:6], 0.5 * whole[:6], rtol=1e-3, atol=1e-3 * np.abs(whole[:6]).max())
-    assert halved.hash != rebuilt.hash
-    assert halved.inputs_hash != rebuilt.inputs_hash
-
-
 def coarse(**changes):
     """A small case, quick to build, with a change of its discretisation or reduction."""
     grid = replace(CASE.discretisation, chordwise_panels=3, wake_length=0.1)
@@ -185,6 +146,18 @@ def coarse(**changes):
 @pytest.fixture(scope="module")
 def small():
     return build_model(coarse())
+
+
+def test_halving_the_flap_halves_its_gain_and_changes_the_hash(small):
+    case = coarse()
+    share = 0.5 * glauert_scale(case.discretisation.chordwise_panels, case.flap.chord_fraction)
+    halved = build_model(replace(case, flap=replace(case.flap, effectiveness=share)))
+    columns = [name for name in small.turbine.inputs if name != "wind"]
+    half, whole = (m.turbine.select(inputs=columns).dc_gain() for m in (halved, small))
+    size = np.abs(whole).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(half / size, 0.5 * whole / size, atol=1e-3)
+    assert halved.hash != small.hash
+    assert halved.inputs_hash != small.inputs_hash
 
 
 def test_one_step_delay_lets_the_blades_feel_flap_and_gust_a_step_late(small):
@@ -226,3 +199,35 @@ def test_aerodynamic_tolerance_drops_the_states_the_singular_values_call_small(s
     assert loose.turbine.order < small.turbine.order
     wind = [m.turbine.select(inputs=["wind"], outputs=["rbm_0"]) for m in (small, loose)]
     np.testing.assert_allclose(wind[1].dc_gain(), wind[0].dc_gain(), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "point",
+    [{"wind_speed": 5.0}, {"wind_speed": 8.0, "tip_speed_ratio": 8.0}, {"pitch": 0.05}],
+    ids=["light wind", "faster rotor", "pitched"],
+)
+def test_other_operating_points_build_stable_models_that_gust_and_flap_load(point):
+    case = coarse()
+    model = build_model(replace(case, operating_point=replace(case.operating_point, **point)))
+    gain = model.turbine.dc_gain()
+    assert gain[0, 0] > 0.0
+    assert gain[0, 6] > 0.0
+
+
+def test_documented_stations_build_nearly_the_same_turbine(small):
+    fine = build_model(coarse(blade_elements=48, first_lattice_node=11))
+    ours, theirs = (m.turbine.dc_gain()[[0, 3]][:, [0, 6]] for m in (fine, small))
+    np.testing.assert_allclose(ours, theirs, rtol=0.1)
+
+
+def test_balance_that_does_not_exist_names_the_operating_point():
+    case = coarse()
+    storm = replace(case.operating_point, wind_speed=25.0, tip_speed_ratio=12.0)
+    with pytest.raises(ValueError, match=r"operating_point: .*lower wind_speed or tip_speed_ratio"):
+        build_model(replace(case, operating_point=storm))
+
+
+def test_flap_too_small_for_the_lattice_is_named():
+    case = coarse()
+    with pytest.raises(ValueError, match=r"flap: the lattice resolves no flap from span_start 0\.7"):
+        build_model(replace(case, flap=replace(case.flap, span_end=0.7 + 1e-12)))

@@ -43,7 +43,17 @@ def test_changed_matrix_is_named_as_damaged(tmp_path):
     content = bytearray(path.read_bytes())
     content[-3] ^= 0x10
     path.write_bytes(content)
-    with pytest.raises(ValueError, match="damaged, its matrices do not match"):
+    with pytest.raises(ValueError, match="damaged, its content does not match"):
+        load_model(path)
+
+
+def test_changed_header_is_named_as_damaged(tmp_path):
+    path = tmp_path / "header.safetensors"
+    save_model(load_model(), path)
+    content = path.read_bytes()
+    assert content.count(b'\\"wind_speed\\": 11.0') >= 1
+    path.write_bytes(content.replace(b'\\"wind_speed\\": 11.0', b'\\"wind_speed\\": 17.0'))
+    with pytest.raises(ValueError, match="damaged, its content does not match"):
         load_model(path)
 
 

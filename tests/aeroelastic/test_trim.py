@@ -57,5 +57,5 @@ def test_light_wind_bends_the_blade_less_and_settles_as_fast():
 
 def test_unsettled_trim_says_how_far_apart_it_is(monkeypatch):
     monkeypatch.setattr("flapgym.aeroelastic.trim.MAX_ITERATIONS", 2)
-    with pytest.raises(RuntimeError, match="still move by .* m after 2 rounds"):
+    with pytest.raises(ValueError, match="still move by .* m after 2 rounds"):
         trim(COARSE)

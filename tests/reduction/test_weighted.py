@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flapgym.reduction import output_rms, relative_error, weighted_truncation
+from flapgym.reduction import balance, output_rms, relative_error
 from flapgym.state_space import StateSpace, series
 
 DT = 0.1
@@ -43,13 +43,13 @@ def test_values_under_white_noise_are_the_hankel_singular_values_of_the_scaled_s
     control = scipy.linalg.solve_discrete_lyapunov(full.A, full.B @ full.B.T)
     observe = scipy.linalg.solve_discrete_lyapunov(full.A.T, full.C.T @ scale @ scale @ full.C)
     expected = np.sqrt(np.sort(np.linalg.eigvals(control @ observe).real)[::-1])
-    _, values = weighted_truncation(full, white(), 4)
+    values = balance(full, white()).values
     np.testing.assert_allclose(values[:8], expected[:8], rtol=1e-6)
 
 
 def test_all_states_kept_reproduce_the_system():
     full = system()
-    reduced, _ = weighted_truncation(full, lowpass(), full.order)
+    reduced = balance(full, lowpass()).truncated(full.order)
     f = np.array([0.01, 0.3, 2.0, 4.5])
     np.testing.assert_allclose(
         reduced.frequency_response(f), full.frequency_response(f), rtol=1e-6, atol=1e-8
@@ -59,13 +59,13 @@ def test_all_states_kept_reproduce_the_system():
 @pytest.mark.parametrize("order", [3, 6, 9])
 def test_steady_gain_is_exact_at_any_order(order):
     full = system()
-    reduced, _ = weighted_truncation(full, lowpass(), order)
+    reduced = balance(full, lowpass()).truncated(order)
     np.testing.assert_allclose(reduced.dc_gain(), full.dc_gain(), rtol=1e-9)
 
 
 def test_relative_error_is_what_a_simulation_measures():
     full = system()
-    reduced, _ = weighted_truncation(full, lowpass(), 5)
+    reduced = balance(full, lowpass()).truncated(5)
     noise = np.random.default_rng(0).standard_normal((200_000, 2))
     u = lowpass().simulate(noise)
     y, approximate = full.simulate(u), reduced.simulate(u)
@@ -75,4 +75,4 @@ def test_relative_error_is_what_a_simulation_measures():
 
 def test_order_out_of_range_is_refused():
     with pytest.raises(ValueError, match=r"order: expected 1 <= order <= 12, got 13"):
-        weighted_truncation(system(), white(), 13)
+        balance(system(), white()).truncated(13)

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -125,3 +126,18 @@ def nudged(value, path):
 )
 def test_hash_changes_with_the_last_digit_of_a_number(path):
     assert nudged(RATED, path).hash() != RATED.hash()
+
+
+@pytest.mark.parametrize(
+    ("section", "change", "message"),
+    [
+        ("discretisation", {"tower_elements": 40}, "discretisation.tower_elements: expected 10"),
+        ("discretisation", {"blade_elements": 48}, "discretisation.first_lattice_node: expected at least"),
+        ("discretisation", {"first_lattice_node": 0}, "where the sections have lift, got 0"),
+        ("reduction", {"blade_modes": 73}, "reduction.blade_modes: expected at most 72"),
+        ("reduction", {"tower_modes": 67}, "reduction.tower_modes: expected at most 66"),
+    ],
+)
+def test_setting_that_does_not_fit_the_turbine_is_refused_at_the_door(section, change, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        dataclasses.replace(RATED, **{section: dataclasses.replace(getattr(RATED, section), **change)})

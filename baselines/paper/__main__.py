@@ -106,6 +106,10 @@ class Study:
         """Hankel singular values."""
         return figures.figure_12(self.case, self.folder, self.cache)
 
+    def turbine(self) -> Section:
+        """Responses of the turbine."""
+        return figures.turbine_figures(self.case, self.folder, self.cache, self.told)
+
     def figure15(self) -> Section:
         """Time series."""
         return figures.figure_15(self.model, self.folder, self.cache, self.duration)
@@ -117,9 +121,10 @@ PARTS: dict[str, Callable[[Study], Section]] = {
     "table1": Study.table1,
     "figure8": Study.figure8,
     "figure12": Study.figure12,
+    "turbine": Study.turbine,
     "figure15": Study.figure15,
 }
-LONG = ("figure8", "figure12")
+LONG = ("figure8", "figure12", "turbine")
 """Left out of a quick run."""
 
 

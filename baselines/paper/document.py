@@ -48,6 +48,19 @@ def as_markdown(title: str, sections: list[Section], folder: Path) -> str:
     return "\n\n".join(blocks) + "\n"
 
 
+def from_markdown(text: str) -> list[str | Table]:
+    """Paragraphs and tables of plain Markdown, as the benchmarks print it."""
+    parts: list[str | Table] = []
+    for block in filter(None, (block.strip() for block in text.split("\n\n"))):
+        lines = block.splitlines()
+        if lines[0].startswith("|"):
+            head, _, *rows = (tuple(cell.strip() for cell in line.strip("|").split("|")) for line in lines)
+            parts.append(Table(head, tuple(rows)))
+        else:
+            parts.append(" ".join(lines))
+    return parts
+
+
 def as_html(title: str, sections: list[Section]) -> str:
     """The report as one file that needs no other: figures are inside."""
     body = [f"<h1>{html.escape(title)}</h1>"]

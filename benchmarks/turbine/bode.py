@@ -109,7 +109,7 @@ def figure10(study: Study, output: Path, tell: Tell) -> None:
     )
     draw(
         curves | {"NREL tower, parked and windless": parked},
-        output / "figure10.png",
+        output / f"figure10.{study.picture}",
         "Gust to tip deflection by tower",
     )
 
@@ -134,7 +134,12 @@ def figure13(study: Study, output: Path, tell: Tell) -> None:
     curves["5 tower, 20 blade modes"] = tip(frozen_turbine(few, aerodynamics, 0.0))
     curves["15 tower, 40 blade modes"] = tip(frozen_turbine(study.parts, study.seen(0.0), 0.0))
     deviation_table("Figure 13: deviation from all modes and states [%], and in decibels", curves)
-    draw(curves, output / "figure13.png", "Structural modes, 150 aerodynamic states", deviation=True)
+    draw(
+        curves,
+        output / f"figure13.{study.picture}",
+        "Structural modes, 150 aerodynamic states",
+        deviation=True,
+    )
 
 
 def figure14(study: Study, output: Path, tell: Tell) -> None:
@@ -147,7 +152,12 @@ def figure14(study: Study, output: Path, tell: Tell) -> None:
         aerodynamics = multiblade_aerodynamics(*components, 0.0, study.time_step)
         curves[f"{total} states"] = tip(frozen_turbine(study.parts, aerodynamics, 0.0))
     deviation_table("Figure 14: deviation from the full lattice [%], and in decibels", curves)
-    draw(curves, output / "figure14.png", "Aerodynamic states, 15 tower and 40 blade modes", deviation=True)
+    draw(
+        curves,
+        output / f"figure14.{study.picture}",
+        "Aerodynamic states, 15 tower and 40 blade modes",
+        deviation=True,
+    )
 
 
 def deviation_table(title: str, curves: Curves) -> None:

@@ -25,10 +25,12 @@ class Study:
     Parameters
     ----------
     case : Case
+    picture : str
+        Kind of the figures' files, "png" or "svg".
     """
 
-    def __init__(self, case: Case) -> None:
-        self.case = case
+    def __init__(self, case: Case, picture: str = "png") -> None:
+        self.case, self.picture = case, picture
 
     @cached_property
     def _assembled(self) -> tuple[Parts, Aerodynamics]:

@@ -66,7 +66,7 @@ def figure11(study: Study, output: Path, tell: Tell) -> None:
     head = ["", "tip rms [m]", "range [m]", "rms of a blade from the mean of three [m]"]
     head += ["over tip rms", "largest spread [m]"]
     table("Figure 11: tips of the three blades", head, rows)
-    draw(turns, wind, tips, output / "figure11.png")
+    draw(turns, wind, tips, output / f"figure11.{study.picture}")
 
 
 def draw(turns: Array, wind: Array, tips: Array, path: Path) -> None:

@@ -10,7 +10,7 @@ from baselines.paper import scores
 from baselines.paper.cache import Cache
 from baselines.paper.control_sections import gust_alleviation, relative
 from baselines.paper.controllers import Plants, swaying_wind
-from baselines.paper.document import Section, Table, as_html, as_markdown
+from baselines.paper.document import Section, Table, as_html, as_markdown, from_markdown
 from baselines.paper.figures import _lag
 from baselines.paper.robustness import CONDITIONS, sensitivity
 from baselines.paper.scores import score
@@ -149,3 +149,9 @@ def test_html_needs_no_other_file_and_escapes(tmp_path):
     assert "&lt;1&gt;" in page
     assert "data:image/svg+xml;base64,PHN2Zy8+" in page
     assert "![figure](figure.svg)" in as_markdown("title", [section], tmp_path)
+
+
+def test_printed_tables_are_read_back():
+    table = Table(("", "a"), (("x", "1"), ("", "2")))
+    text = as_markdown("t", [Section("s", ("some words", table))], Path())
+    assert from_markdown(text)[2:] == ["some words", table]

@@ -25,7 +25,7 @@ train: .venv/with-train  ## train the PPO and SAC policies (ARGS: configurations
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m train.policies $(ARGS)
 
 test: .venv/with-test  ## run the test suite on all cores (ARGS are pytest's)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m pytest -n auto $(ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
 lint: .venv/with-test  ## check style, format and types
 	$(BIN)/ruff check

@@ -104,7 +104,7 @@ class NonlinearMarch:
         """Go to the next sample, the first call to the first, and return its outputs (8,), ``PERIODIC_OUTPUTS``.
 
         inputs (7,) are that sample's flap angles [rad], flap rates [rad/s] and wind [m/s]. They should begin at
-        zero: the first sample is the trim itself. A step costs some 20 ms.
+        zero: the first sample is the trim itself. A step costs some 12 ms.
         """
         turbine, lattice = self.turbine, self.turbine.lattice
         known = lattice.C @ self._state

@@ -28,12 +28,13 @@ EXPECTED = {
 REMARKS = {
     "lqg_unfiltered_same": "At the same weights a design that takes the wind for white has no slow gust to predict and "
     "hardly moves the flap; most of what the filter seems to give is this change of stroke.",
-    "lqg_unfiltered": "With the weight raised again until the flap meets its stop the comparison is fair.",
+    "lqg_unfiltered": "With the weight raised again until the flap meets its stop, most of the loss is gone; what "
+    "remains is more travel for the same reduction, and less margin.",
     "lqg_clamped_rotor": "Homogeneous gusts leave the blades little to tell each other.",
     "lqg_moving_root": "The tower's motion is slow and small against the gust: the observer learns nothing of use.",
     "lqg_frozen": "The joint's azimuth hardly matters to a collective gust.",
-    "lqg_multiblade": "Exact knowledge of the turning turbine adds nothing to a collective gust either; it adds "
-    "margin where whirl modes and tower matter.",
+    "lqg_multiblade": "Exact knowledge of the turning turbine adds nothing against a collective gust either; what it "
+    "adds is margin.",
 }
 
 
@@ -82,7 +83,8 @@ def gust_alleviation(scores: dict[str, Score], realisations: int, duration: floa
 
 def relative(score: Score, base: Score) -> float:
     """How much more the RBM rms falls than in the base case [%]; negative is worse."""
-    return 100.0 * (score.changes["rbm_rms"].mean / base.changes["rbm_rms"].mean - 1.0)
+    more = 100.0 * (score.changes["rbm_rms"].mean / base.changes["rbm_rms"].mean - 1.0)
+    return round(more, 1) + 0.0  # no minus before a nought
 
 
 def _sentences(scores: dict[str, Score], base: Score) -> list[str]:

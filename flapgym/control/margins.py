@@ -91,10 +91,12 @@ def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> 
 
 
 def delay_margin(model: TurbineModel, controller: StateSpace, longest: int = 60) -> int:
-    """Largest delay of the measurement, in steps, at which the full closed loop is stable; at most `longest`."""
-    low, high = 0, longest + 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        late = late_measurement(controller, middle, model.rotor_speed)
-        low, high = (middle, high) if closed_loop(model, late).spectral_radius() < 1.0 else (low, middle)
-    return low
+    """Largest delay of the measurement, in steps, up to which the full closed loop is stable; at most `longest`.
+
+    Every delay is tried in turn: beyond an unstable one a loop may be stable again.
+    """
+    for delay in range(1, longest + 1):
+        late = late_measurement(controller, delay, model.rotor_speed)
+        if closed_loop(model, late).spectral_radius() >= 1.0:
+            return delay - 1
+    return longest

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
+import os
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
@@ -30,6 +31,8 @@ from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
 from flapgym.turbine import load_case
 
+PICTURES = (".pdf", ".png", ".svg")
+
 # What a command's door returns when all is well: the work, which returns the exit code.
 Work = Callable[[], int]
 Door = Callable[[argparse.Namespace], Work]
@@ -40,11 +43,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     door: Door = options.door
     try:
-        work = door(options)
-    except (ValueError, OSError) as error:
-        return _complain(options.command, error, 2)
-    try:
-        return work()
+        try:
+            work = door(options)
+        except (ValueError, OSError) as error:
+            return _complain(options.command, error, 2)
+        code = work()
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # the reader has seen enough; nothing is left to flush at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except OSError as error:
         return _complain(options.command, error, 1)
     except KeyboardInterrupt:
@@ -216,6 +224,10 @@ def _modes(options: argparse.Namespace) -> Work:
     if options.plot is not None:
         if options.rotating:
             raise ValueError("--plot: draws the parked turbine; leave out --rotating")
+        if options.plot.suffix not in PICTURES:
+            raise ValueError(
+                f"--plot: expected a file that ends in {', '.join(PICTURES)}, got {options.plot}"
+            )
         if importlib.util.find_spec("matplotlib") is None:
             raise ValueError("--plot: matplotlib is not installed (pip install flapgym[baselines])")
         _check_writable(options.plot, "--plot")

@@ -25,6 +25,16 @@ from flapgym.state_space import Array, StateSpace
 FORMAT_VERSION = 1
 _SYSTEMS = ("turbine", "blade")
 _MATRICES = ("A", "B", "C", "D")
+_HASH_SETTINGS = (
+    "wind_speed",
+    "rotor_speed",
+    "time_step",
+    "turbulence_intensity",
+    "length_scale",
+    "flap_angle_limit",
+    "flap_rate_limit",
+    "acceleration_limit",
+)
 _HASH_FREQUENCIES = (0.0, 0.3, 1.0, 3.0)  # Hz
 
 TURBINE_INPUTS = (
@@ -105,13 +115,16 @@ class TurbineModel:
     def hash(self) -> str:
         """SHA-256 of how the model answers: what an agent names to say which model it was made for.
 
-        Steady and dynamic responses, to a thousandth of each output's largest. It knows no coordinates, so a
-        rebuild of the same case on another machine, equal but for rounding, almost surely has the same hash.
+        Steady and dynamic responses, to a thousandth of each output's largest, with operating point, turbulence
+        and limits. It knows no coordinates, so a rebuild of the same case on another machine, equal but for
+        rounding, almost surely has the same hash.
         """
-        digest = hashlib.sha256(repr((self.wind_speed, self.rotor_speed, self.time_step)).encode())
+        settings = [getattr(self, name) for name in _HASH_SETTINGS]
+        digest = hashlib.sha256(repr(settings).encode())
         for name in _SYSTEMS:
             response = getattr(self, name).frequency_response(_HASH_FREQUENCIES)
             largest = np.abs(response).max(axis=(0, 2), keepdims=True)
+            digest.update(" ".join(f"{value:.3e}" for value in largest.ravel()).encode())
             # Adding zero makes one zero of the two that rounding leaves.
             parts = np.stack([response.real, response.imag]) / largest
             digest.update((np.round(parts, 3) + 0.0).astype("<f8").tobytes())

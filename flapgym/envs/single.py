@@ -143,10 +143,12 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._running:
             raise ResetNeeded("step: no episode is running; call reset first")
         try:
-            batch = np.asarray(action)[None]
+            values = np.asarray(action)
         except ValueError:
             raise ValueError(f"action: expected 3 numbers, got {action!r}") from None
-        observation, reward, terminated, truncated, info = self._fleet.step(batch)
+        if values.shape != self.action_space.shape:
+            raise ValueError(f"action: expected shape {self.action_space.shape}, got {values.shape}")
+        observation, reward, terminated, truncated, info = self._fleet.step(values[None])
         info = _single(info)
         end = bool(terminated[0]), bool(truncated[0])
         self._running = not any(end)

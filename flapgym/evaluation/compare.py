@@ -20,6 +20,10 @@ SCORED_SEED = 1_000_000
 """First seed of the scored realisations: tuning and training keep away from this and the next thousand."""
 
 PAPER_REALISATIONS = 5
+MOST_REALISATIONS = 1000
+"""As many seeds as are kept for scoring."""
+LONGEST = 3600.0
+"""Longest realisation [s]: a batch of its samples is held in memory."""
 PAPER_LENGTH = 20.0
 """Length of a realisation in length scales over wind speed."""
 
@@ -118,12 +122,12 @@ def plan(
     ValueError, FileNotFoundError
         Naming the agent, model or option at fault.
     """
-    if realisations < 1:
-        raise ValueError(f"realisations: expected at least 1, got {realisations}")
+    if not 1 <= realisations <= MOST_REALISATIONS:
+        raise ValueError(f"realisations: expected 1 to {MOST_REALISATIONS}, got {realisations}")
     if seed < 0:
         raise ValueError(f"seed: expected a whole number >= 0, got {seed}")
-    if duration is not None and not (np.isfinite(duration) and duration >= 1.0):
-        raise ValueError(f"duration: expected at least 1 s, got {duration}")
+    if duration is not None and not 1.0 <= duration <= LONGEST:
+        raise ValueError(f"duration: expected 1 to {LONGEST:.0f} s, got {duration}")
     if not isinstance(model, TurbineModel):
         model = load_model(model)
     if duration is None:

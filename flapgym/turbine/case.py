@@ -138,7 +138,7 @@ class Reduction:
 
     blade_modes: Annotated[int, Count(at_least=1)]
     tower_modes: Annotated[int, Count(at_least=1)]
-    aerodynamic_states: Annotated[int, Count(at_least=1)]
+    aerodynamic_states: Annotated[int, Count(at_least=1, at_most=300)]
     aerodynamic_tolerance: Annotated[float, Quantity("number", at_least=0.0, below=1.0)]
     coupled_tolerance: Annotated[float, Quantity("number", at_least=0.0, below=1.0)]
 

@@ -73,3 +73,11 @@ def test_short_window_is_refused():
         balanced_reduction(
             np.zeros((512, 1, 1), complex), 1, np.ones(1), np.ones(1), real=True, block_rows=400
         )
+
+
+def test_system_that_grows_is_refused_not_returned():
+    growing = (
+        1.01 ** np.arange(SAMPLES)[:, None, None]
+    )  # an impulse response with its pole outside the circle
+    with pytest.raises(ValueError, match="order 1 gives an unstable system"):
+        balanced_reduction(np.fft.fft(growing, axis=0), 1, np.ones(1), np.ones(1), real=True, block_rows=300)

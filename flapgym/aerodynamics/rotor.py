@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.aerodynamics.lattice import Inflow, build_lattice
-from flapgym.aerodynamics.model import Aerodynamics, assemble
+from flapgym.aerodynamics.model import Aerodynamics, WakeEnd, assemble
 from flapgym.turbine import Case
 
 Array = NDArray[np.float64]
@@ -75,7 +75,11 @@ def blade_edges(
 
 
 def build_aerodynamics(
-    case: Case, blades: int = 3, positions: Array | None = None, turned: Array | None = None
+    case: Case,
+    blades: int = 3,
+    positions: Array | None = None,
+    turned: Array | None = None,
+    wake_end: WakeEnd = "closed",
 ) -> Aerodynamics:
     """Aerodynamics of a case's rotor, or of one of its blades alone.
 
@@ -89,6 +93,8 @@ def build_aerodynamics(
         Beam axis at the strips' edges in S [m], from node `first_lattice_node` outwards; default undeformed.
     turned : (strips + 1, 3, 3) float, optional
         Rotation of the sections there from their undeformed attitude; default none.
+    wake_end : "closed" or "open"
+        Whether the wake ends with its last ring's rear vortex, see `assemble`.
     """
     inflow, grid = rotor_inflow(case), case.discretisation
     edges = blade_edges(case, strip_radius(case), positions, turned)
@@ -100,6 +106,7 @@ def build_aerodynamics(
         wake_rows=wake_rows(case),
         air_density=case.operating_point.air_density,
         blades=blades,
+        wake_end=wake_end,
     )
 
 

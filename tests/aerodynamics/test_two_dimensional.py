@@ -76,6 +76,12 @@ def test_sudden_incidence_is_wagners():
     np.testing.assert_allclose(np.interp(s, travelled, lift), wagner, rtol=0.015)
 
 
+def test_open_wake_has_no_starting_vortex_and_gives_the_full_steady_lift():
+    wing = straight_wing(wake_chords=20.0, wake_end="open")
+    lift = wing.lift_load @ wing.aero.force.sum(axis=0) @ steady_circulation(wing.aero, np.ones((10, 1)))
+    assert lift[0, 0] == pytest.approx(2.0 * np.pi, rel=1e-5)
+
+
 def test_steady_lift_with_a_hundred_chords_of_wake():
     wing = straight_wing()
     lift = wing.lift_load @ wing.aero.force.sum(axis=0) @ steady_circulation(wing.aero, np.ones((10, 1)))

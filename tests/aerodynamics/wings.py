@@ -33,7 +33,9 @@ class Wing:
         return self.aero.collocation[:, 1]
 
 
-def straight_wing(panels=10, courant=1.0, wake_chords=100.0, span=1e4, strips=1, difference=2):
+def straight_wing(
+    panels=10, courant=1.0, wake_chords=100.0, span=1e4, strips=1, difference=2, wake_end="closed"
+):
     """Rectangular wing; `courant` is the length of a wake row over that of a panel."""
     flow = np.array([0.0, 1.0, 0.0])
     inflow = Inflow(velocity=flow, rotor_speed=0.0, wake_velocity=flow)
@@ -41,7 +43,15 @@ def straight_wing(panels=10, courant=1.0, wake_chords=100.0, span=1e4, strips=1,
     step = courant / panels
     lattice = build_lattice(leading, leading + flow, panels, inflow, step)
     rows = round(wake_chords / step)
-    aero = assemble(lattice, inflow, time_step=step, wake_rows=rows, air_density=1.0, difference=difference)
+    aero = assemble(
+        lattice,
+        inflow,
+        time_step=step,
+        wake_rows=rows,
+        air_density=1.0,
+        difference=difference,
+        wake_end=wake_end,
+    )
     return Wing(aero, area=span)
 
 

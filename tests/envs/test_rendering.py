@@ -8,7 +8,7 @@ import pytest
 
 from flapgym.envs.rendering import _place
 
-pytest.importorskip("pygame")
+pygame = pytest.importorskip("pygame")
 
 
 def _run(env, actions):
@@ -38,7 +38,9 @@ def test_seen_from_upwind_the_rotor_turns_clockwise():
 def test_human_mode_opens_and_closes(model_file):
     env = gymnasium.make("flapgym/NREL5MW-v0", model=model_file, render_mode="human")
     _run(env, np.zeros((3, 3)))
+    assert pygame.display.get_init()
     env.close()
+    assert not pygame.display.get_init()
 
 
 def test_rendering_without_a_mode_says_what_is_missing(model_file):

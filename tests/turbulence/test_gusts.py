@@ -1,0 +1,158 @@
+"""Gusts against their formulas and the standard's numbers; recordings against what their files say."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from flapgym.turbulence import gust_of
+from flapgym.turbulence.gusts import ExtremeOperatingGust
+
+MEAN = 11.0
+TIME = np.linspace(-1.0, 20.0, 2101)
+
+
+def _wind(spec, time=TIME):
+    return gust_of(json.loads(json.dumps(spec))).wind(np.asarray(time, dtype=float), MEAN)
+
+
+def test_a_step_is_nothing_before_its_start_and_its_size_from_then_on():
+    wind = _wind({"kind": "step", "start": 2.0, "size": -1.5}, [-1.0, 0.0, 1.999, 2.0, 50.0])
+    np.testing.assert_array_equal(wind, [0.0, 0.0, 0.0, -1.5, -1.5])
+
+
+def test_a_ramp_has_one_slope_and_stays_at_its_size():
+    wind = _wind({"kind": "ramp", "start": 3.0, "duration": 4.0, "size": 2.0})
+    slope = np.gradient(wind, TIME)
+    rising = (TIME > 3.02) & (TIME < 6.98)
+    np.testing.assert_allclose(slope[rising], 0.5, rtol=1e-9)
+    np.testing.assert_allclose(slope[(TIME < 2.98) | (TIME > 7.02)], 0.0, atol=1e-12)
+    assert wind[-1] == 2.0
+
+
+def test_a_sinusoid_has_its_frequency_and_begins_without_a_jump():
+    wind = _wind(
+        {"kind": "sinusoid", "start": 1.0, "amplitude": 0.7, "frequency": 0.25}, [0.5, 1.0, 2.0, 3.0, 4.0]
+    )
+    np.testing.assert_allclose(wind, [0.0, 0.0, 0.7, 0.0, -0.7], atol=1e-12)
+
+
+@pytest.mark.parametrize("intensity, letter", [(0.16, "A"), (0.14, "B"), (0.12, "C")])
+def test_the_extreme_gust_has_the_magnitude_of_the_standard_below_its_yearly_limit(intensity, letter):
+    gust = ExtremeOperatingGust(turbulence_class=letter)
+    sigma = intensity * (0.75 * MEAN + 5.6)
+    assert gust.magnitude(MEAN) == pytest.approx(3.3 * sigma / (1.0 + 0.1 * 126.0 / 42.0))
+
+
+def test_in_a_storm_the_yearly_extreme_bounds_the_extreme_gust():
+    # V_e1 = 0.8 * 1.4 * 37.5 = 42 m/s: 1.35 (42 - 40).
+    assert ExtremeOperatingGust(turbine_class="III").magnitude(40.0) == pytest.approx(2.7)
+
+
+def test_a_low_hub_has_a_shorter_turbulence_scale():
+    low = ExtremeOperatingGust(hub_height=40.0).magnitude(MEAN)
+    sigma = 0.16 * (0.75 * MEAN + 5.6)
+    assert low == pytest.approx(3.3 * sigma / (1.0 + 0.1 * 126.0 / 28.0))
+
+
+def test_the_extreme_gust_dips_peaks_at_half_time_and_dips_again():
+    wind = _wind({"kind": "extreme_operating_gust", "start": 2.0})
+    magnitude = ExtremeOperatingGust().magnitude(MEAN)
+    assert wind.max() == pytest.approx(0.74 * magnitude, rel=1e-6)
+    assert TIME[wind.argmax()] == pytest.approx(2.0 + 5.25)
+    np.testing.assert_allclose(
+        _wind({"kind": "extreme_operating_gust", "start": 2.0}, [5.5, 9.0]), 0.0, atol=1e-12
+    )
+    dips = wind[(TIME > 2.0) & (TIME < 5.5)].min(), wind[(TIME > 9.0) & (TIME < 12.5)].min()
+    # Largest of sin(3 pi x) (1 - cos(2 pi x)) before x = 1/3, from its derivative: 0.9233 at x = 0.2131.
+    x = np.linspace(0.0, 1.0 / 3.0, 100001)
+    depth = 0.37 * magnitude * (np.sin(3 * np.pi * x) * (1 - np.cos(2 * np.pi * x))).max()
+    np.testing.assert_allclose(dips, -depth, rtol=1e-4)
+    assert not wind[(TIME <= 2.0) | (TIME >= 12.5)].any()
+
+
+def test_the_mean_of_the_extreme_gust_is_its_integral():
+    time = np.linspace(0.0, 10.5, 10001)
+    wind = _wind({"kind": "extreme_operating_gust"}, time)
+    magnitude = ExtremeOperatingGust().magnitude(MEAN)
+    assert np.trapezoid(wind, time) / 10.5 == pytest.approx(0.37 * 8.0 / (15.0 * np.pi) * magnitude, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("time [s], wind [m/s]\n0, 11\n1, 12\n3, 10\n", [0.0, 0.5, 0.0, -1.0]),
+        ("wind_perturbation [m/s], time [ms]\n0, 0\n1, 1000\n# a gap\n\n-1, 3000\n", [0.0, 0.5, 0.0, -1.0]),
+    ],
+)
+def test_a_recording_is_linear_between_its_samples_in_its_own_units(tmp_path, text, expected):
+    path = tmp_path / "wind.csv"
+    path.write_text(text)
+    wind = _wind({"kind": "recorded", "file": str(path)}, [0.0, 0.5, 2.0, 3.0])
+    np.testing.assert_allclose(wind, expected, atol=1e-12)
+
+
+def test_a_recording_may_start_later_and_holds_what_blew_before(tmp_path):
+    path = tmp_path / "wind.csv"
+    path.write_text("time [s], wind_perturbation [m/s]\n10, 0\n20, 5\n")
+    wind = _wind({"kind": "recorded", "file": str(path), "start": 12.0}, [-1.0, 0.0, 8.0])
+    np.testing.assert_allclose(wind, [1.0, 1.0, 5.0])
+    for start in (9.0, 13.0):
+        with pytest.raises(ValueError, match="holds 10 to 20 s.*shorter duration"):
+            _wind({"kind": "recorded", "file": str(path), "start": start}, [0.0, 8.0])
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("", "header"),
+        ("time [s], wind [m/s]\n0, 1\n", "at least two samples, got 1"),
+        ("0, 1\n1, 2\n", "line 1: expected a header of two columns with units"),
+        ("time [s], wind\n0, 1\n", "line 1: .*got 'wind'"),
+        ("time [s], speed [m/s]\n0, 1\n", "line 1: .*got 'speed"),
+        ("time [s], wind [km/h]\n0, 1\n", "line 1: column wind: .*'m/s', got the unit 'km/h'"),
+        ("time [s], time [s]\n0, 1\n", "line 1: expected two columns"),
+        ("time [s], wind [m/s], wind_perturbation [m/s]\n0, 1, 2\n", "line 1: expected two columns"),
+        ("time [s], wind [m/s]\n0, 1\n1; 2\n", "line 3: expected two numbers"),
+        ("# site\ntime [s], wind [m/s]\n0, 1\n\n1, calm\n", "line 5: expected two numbers"),
+        ("time [s], wind [m/s]\n0, 1\n1, nan\n", "line 3: expected finite"),
+        ("time [s], wind [m/s]\n0, 1\n0, 2\n", "line 3: expected times that increase"),
+    ],
+)
+def test_a_recording_that_cannot_be_read_is_refused_by_file_and_line(tmp_path, text, message):
+    path = tmp_path / "wind.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match="wind.csv.*" + message):
+        _wind({"kind": "recorded", "file": str(path)})
+
+
+def test_a_missing_recording_is_refused():
+    with pytest.raises(ValueError, match="nowhere.csv: cannot be read"):
+        _wind({"kind": "recorded", "file": "nowhere.csv"})
+
+
+@pytest.mark.parametrize(
+    "spec, message",
+    [
+        ("step", "gust: expected a mapping"),
+        ({}, "gust.kind: expected one of step"),
+        ({"kind": "hurricane"}, "gust.kind"),
+        ({"kind": "step"}, "gust.size: a step needs it"),
+        ({"kind": "step", "size": 1.0, "end": 2.0}, "gust.end: a step has no such entry"),
+        ({"kind": "step", "size": "1 m/s"}, "gust.size: expected a finite number"),
+        ({"kind": "step", "size": float("nan")}, "gust.size"),
+        ({"kind": "ramp", "size": 1.0, "duration": 0.0}, "gust.duration: expected a positive"),
+        ({"kind": "sinusoid", "amplitude": 1.0, "frequency": -1.0}, "gust.frequency: expected a positive"),
+        (
+            {"kind": "extreme_operating_gust", "turbulence_class": "D"},
+            "gust.turbulence_class: expected one of A, B, C",
+        ),
+        ({"kind": "extreme_operating_gust", "turbine_class": 1}, "gust.turbine_class"),
+        ({"kind": "recorded", "file": 3}, "gust.file"),
+    ],
+)
+def test_an_impossible_gust_is_refused_by_name(spec, message):
+    with pytest.raises(ValueError, match=message):
+        gust_of(spec)

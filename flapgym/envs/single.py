@@ -112,7 +112,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {render_mode!r}')
         self.render_mode = render_mode
-        self._fleet = Fleet(Settings.of(keywords), 1)
+        self.settings = Settings.of(keywords)
+        self._fleet = Fleet(self.settings, 1)
         self.observation_space = self._fleet.observation_space
         self.action_space = self._fleet.action_space
         self._running = False

@@ -25,8 +25,10 @@ class Record:
         Flapwise root bending moment [N m] and tip deflection [m].
     flap_angle, flap_rate : (N, T, 3) float
         Flap motion after its stops [rad, rad/s].
-    tower_fore_aft, wind : (N, T) float
-        Tower-top displacement downwind [m], wind perturbation [m/s].
+    tower_fore_aft, tower_side_side, wind : (N, T) float
+        Tower-top displacement downwind and sideways [m], wind perturbation [m/s].
+    azimuth : (N,) float
+        Of blade 1 one time step before the first sample [rad].
     time_step : float
         Sampling time [s].
     """
@@ -36,7 +38,9 @@ class Record:
     flap_angle: NDArray[np.float64]
     flap_rate: NDArray[np.float64]
     tower_fore_aft: NDArray[np.float64]
+    tower_side_side: NDArray[np.float64]
     wind: NDArray[np.float64]
+    azimuth: NDArray[np.float64]
     time_step: float
 
 

@@ -15,7 +15,7 @@ from flapgym.evaluation.metrics import Record
 BATCH = 10
 """Realisations run side by side: more of them would hold gigabytes of samples."""
 
-_SAMPLES = ("rbm", "tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "wind")
+_SAMPLES = ("rbm", "tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "tower_side_side", "wind")
 
 
 def simulate(
@@ -24,6 +24,7 @@ def simulate(
     seeds: Sequence[int],
     duration: float,
     advanced: Callable[[int], Any] = lambda samples: None,
+    **settings: Any,
 ) -> Record:
     """The record of `agent` on one realisation per seed, from a calm flap.
 
@@ -39,21 +40,25 @@ def simulate(
         Length of each [s]; the record keeps round(duration / dt) samples.
     advanced : callable
         Told the samples each step adds to the record, for a progress bar.
+    **settings
+        Further keywords of the environment, as `measurement_noise`; turbulence is the model's own unless given.
     """
     environment = FlapVectorEnv(
         num_envs=len(seeds),
         model=model,
-        turbulence_intensity=model.turbulence_intensity,
-        length_scale=model.length_scale,
         observe=agent.observe,
         steps_per_action=agent.steps_per_action,
         # Whole intervals that cover the duration: agents of other intervals must not end early.
         duration=duration + agent.steps_per_action * model.time_step,
         record_samples=True,
+        **(
+            {"turbulence_intensity": model.turbulence_intensity, "length_scale": model.length_scale}
+            | settings
+        ),
     )
     kept = round(duration / model.time_step)
     pieces: dict[str, list[np.ndarray]] = {name: [] for name in _SAMPLES}
-    observation, _ = environment.reset(seed=list(seeds))
+    observation, first = environment.reset(seed=list(seeds))
     state, start, done = None, np.ones(len(seeds), dtype=bool), 0
     while done < kept:
         action, state = agent.predict(observation, state, start)
@@ -67,4 +72,4 @@ def simulate(
             raise RuntimeError(f"agent {agent.name}: the episode ended after {done} of {kept} samples")
     environment.close()
     series = {name: np.concatenate(parts, axis=1)[:, :kept] for name, parts in pieces.items()}
-    return Record(**series, time_step=model.time_step)
+    return Record(**series, azimuth=first["azimuth"], time_step=model.time_step)

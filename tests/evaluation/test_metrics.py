@@ -45,7 +45,9 @@ def test_measure_of_a_record_known_by_hand():
     time = np.arange(0.0, 100.0, 0.01)
     wave = np.sin(2.0 * np.pi * time)[None, :, None] * np.array([1.0, 2.0, 3.0])
     still = np.zeros((1, time.size))
-    metrics = measure(Record(wave, 0.1 * wave, 0.2 * wave, 0.4 * wave, still + 2.0, still, 0.01))
+    metrics = measure(
+        Record(wave, 0.1 * wave, 0.2 * wave, 0.4 * wave, still + 2.0, still, still, np.zeros(1), 0.01)
+    )
     np.testing.assert_allclose(metrics.rbm_rms, [np.array([1.0, 2.0, 3.0]) / np.sqrt(2.0)], rtol=1e-6)
     np.testing.assert_allclose(metrics.tip_rms, 0.1 * metrics.rbm_rms)
     np.testing.assert_allclose(metrics.rbm_del, [[2.0, 4.0, 6.0]], rtol=2e-3)

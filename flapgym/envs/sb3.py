@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
@@ -21,11 +21,11 @@ from flapgym.envs.vector import FlapVectorEnv
 
 
 class FlapVecEnv(VecEnv):
-    """A `stable_baselines3` VecEnv over a `FlapVectorEnv`.
+    """A `stable_baselines3` VecEnv over a `FlapVectorEnv`, or over one in `flapgym.envs.vector_wrappers`.
 
     Parameters
     ----------
-    env : FlapVectorEnv
+    env : FlapVectorEnv or a wrapper of one
         Made with `autoreset_mode="SameStep"`.
     per_blade : bool
         False: one environment a turbine. True: three a turbine, one for each blade in the order of the blades, which
@@ -38,15 +38,21 @@ class FlapVecEnv(VecEnv):
     wrap in `VecMonitor` for episode statistics.
     """
 
-    def __init__(self, env: FlapVectorEnv, per_blade: bool = False) -> None:
-        if env.autoreset_mode is not AutoresetMode.SAME_STEP:
-            raise ValueError('env: expected autoreset_mode="SameStep", got ' + repr(env.autoreset_mode.value))
-        self.env = env
+    def __init__(self, env: VectorEnv[Any, Any, Any], per_blade: bool = False) -> None:
+        base = env.unwrapped
+        if not isinstance(base, FlapVectorEnv):
+            raise TypeError(f"env: expected a FlapVectorEnv, got {type(base).__name__}")
+        if base.autoreset_mode is not AutoresetMode.SAME_STEP:
+            raise ValueError(
+                'env: expected autoreset_mode="SameStep", got ' + repr(base.autoreset_mode.value)
+            )
+        self.env: Any = env
+        self.base = base
         self.per_blade = per_blade
         space, actions = env.single_observation_space, env.single_action_space
         assert isinstance(space, spaces.Box)
         if per_blade:
-            for name in env.settings.observe:
+            for name in base.settings.observe:
                 if QUANTITIES[name].size != BLADES:
                     raise ValueError(f"observe: {name} belongs to no blade, so per_blade cannot use it")
             bound = space.high.reshape(-1, BLADES)[:, 0]
@@ -80,7 +86,7 @@ class FlapVecEnv(VecEnv):
         ended = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if self.per_blade:
-            scale = -1.0 / self.env.model.rbm_rms**2
+            scale = -1.0 / self.base.model.rbm_rms**2
             shared = info["reward_flap_angle"] + info["reward_tower"]
             reward = (info["rbm_mean_square"] * scale + shared[:, None]).ravel()
         for turbine in np.flatnonzero(ended):
@@ -99,7 +105,7 @@ class FlapVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The attribute of the vector environment, once per environment asked for."""
-        return [getattr(self.env, attr_name) for _ in self._get_indices(indices)]
+        return [getattr(self.base, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Refused: the environments share their settings."""
@@ -123,7 +129,7 @@ class FlapVecEnv(VecEnv):
         """Observations (turbines, names x blades) as one row an environment."""
         if not self.per_blade:
             return observation
-        names = len(self.env.settings.observe)
+        names = len(self.base.settings.observe)
         split = observation.reshape(-1, names, BLADES).transpose(0, 2, 1)
         return np.ascontiguousarray(split.reshape(-1, names))
 

@@ -1,0 +1,205 @@
+"""Other actions for the same environments: target angles, and corrections to what an agent does.
+
+    env = TargetAngle(gymnasium.make("flapgym/NREL5MW-v0"))
+    env = Residual(gymnasium.make("flapgym/NREL5MW-v0", observe=..., steps_per_action=1), "lqg", scale=0.3)
+
+The same for the vector environment stands in `flapgym.envs.vector_wrappers`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import RecordConstructorArgs
+from numpy.typing import ArrayLike, NDArray
+
+from flapgym.control import Agent, load_agent
+from flapgym.envs.observation import QUANTITIES
+from flapgym.envs.servo import Servo
+from flapgym.state_space import Array
+
+Observation = NDArray[np.float32]
+Step = tuple[Observation, float, bool, bool, dict[str, Any]]
+
+
+class TargetAngle(
+    gymnasium.Wrapper[Observation, Any, Observation, Any],
+    RecordConstructorArgs,
+):
+    """The action is the flaps' target angles, -1 to 1 of the angle stop, instead of their accelerations.
+
+    An inner loop (`flapgym.envs.servo`) finds the acceleration from the true angle and rate: as fast as acceleration
+    and rate limits allow, without overshoot. An actuator that lags behind its command is not allowed for.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        An environment of this package.
+    """
+
+    def __init__(self, env: gymnasium.Env[Observation, Any]) -> None:
+        RecordConstructorArgs.__init__(self)
+        gymnasium.Wrapper.__init__(self, env)
+        self._servo = servo_of(env.unwrapped)
+        self._limit = flap_model(env.unwrapped).flap_angle_limit
+        self._angle = self._rate = np.zeros(0)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._angle, self._rate = info["flap_angle"], info["flap_rate"]
+        return observation, info
+
+    def step(self, action: ArrayLike) -> Step:
+        """Move the flaps toward the target angles for the time of one action."""
+        target = self._limit * np.clip(checked_action(action, self.action_space.shape or ()), -1.0, 1.0)
+        acceleration = self._servo(self._angle, self._rate, target) / self._servo.acceleration_limit
+        observation, reward, terminated, truncated, info = self.env.step(acceleration)
+        self._angle, self._rate = info["flap_angle"], info["flap_rate"]
+        return observation, float(reward), terminated, truncated, info
+
+
+class Residual(
+    gymnasium.Wrapper[Observation, Any, Observation, Any],
+    RecordConstructorArgs,
+):
+    """The action, times `scale`, is added to what an agent does; the sum is clipped to the action space.
+
+    The agent reads its own observations out of the environment's and begins afresh with every episode. It acts at its
+    own interval; the correction may be held for several of them, over which the reward is the mean. `info` adds
+    `agent_action`, the agent's part of the last action.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        An environment of this package that observes what the agent needs and has its `steps_per_action`.
+    agent : str or Agent
+        Name of a shipped agent, file of another, or the agent itself.
+    scale : float
+        Of the correction: 1 can override the agent wholly where it demands nothing.
+    hold : int
+        Actions of the agent for which a correction is held.
+    """
+
+    def __init__(
+        self,
+        env: gymnasium.Env[Observation, Any],
+        agent: str | Agent,
+        scale: float = 0.5,
+        hold: int = 1,
+    ) -> None:
+        RecordConstructorArgs.__init__(self, agent=agent, scale=scale, hold=hold)
+        gymnasium.Wrapper.__init__(self, env)
+        self.agent, self._columns = fitted_agent(agent, env.unwrapped)
+        self.scale, self.hold = checked_scale(scale), checked_hold(hold)
+        self._observation: Observation = np.zeros(0, dtype=np.float32)
+        self._state: Array | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; the agent forgets the last one."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._observation, self._state = observation, None
+        return observation, info
+
+    def step(self, action: ArrayLike) -> Step:
+        """Correct the agent's next `hold` actions."""
+        correction = self.scale * checked_action(action, self.action_space.shape or ())
+        rewards, infos = [], []
+        for _ in range(self.hold):
+            own, self._state = self.agent.predict(self._observation[self._columns], self._state)
+            self._observation, reward, terminated, truncated, info = self.env.step(
+                np.clip(own + correction, -1.0, 1.0)
+            )
+            rewards.append(float(reward))
+            infos.append(info)
+            if terminated or truncated:
+                break
+        info = infos[-1] | averaged(infos) | {"agent_action": own}
+        return self._observation, sum(rewards) / len(rewards), terminated, truncated, info
+
+
+def flap_model(base: Any) -> Any:
+    """Model of an unwrapped environment of this package.
+
+    Raises
+    ------
+    TypeError
+        If it is another environment.
+    """
+    if not (hasattr(base, "model") and hasattr(base, "settings")):
+        raise TypeError(f"env: expected an environment of flapgym, got {type(base).__name__}")
+    return base.model
+
+
+def servo_of(base: Any) -> Servo:
+    """The inner loop that fits an unwrapped environment."""
+    model = flap_model(base)
+    period = base.settings.steps_per_action * model.time_step
+    return Servo(model.acceleration_limit, model.flap_rate_limit, period)
+
+
+def fitted_agent(agent: str | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]]:
+    """The agent, and which of the environment's observations it reads.
+
+    Raises
+    ------
+    ValueError
+        If the environment does not observe what the agent needs, or holds actions for another time.
+    """
+    model, settings = flap_model(base), base.settings
+    agent = load_agent(agent, model) if isinstance(agent, str) else agent
+    first, places = 0, {}
+    for name in settings.observe:
+        places[name] = range(first, first + QUANTITIES[name].size)
+        first += QUANTITIES[name].size
+    missing = [name for name in agent.observe if name not in places]
+    if missing:
+        raise ValueError(
+            f"agent {agent.name} observes {missing[0]}, which the environment does not: make it with "
+            f"observe={(*settings.observe, *missing)}"
+        )
+    if agent.steps_per_action != settings.steps_per_action:
+        raise ValueError(
+            f"agent {agent.name} holds an action for {agent.steps_per_action} plant steps, the environment for "
+            f"{settings.steps_per_action}: make it with steps_per_action={agent.steps_per_action}"
+        )
+    return agent, np.array([index for name in agent.observe for index in places[name]])
+
+
+def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """An action as float; anything but finite numbers of the right shape is refused."""
+    try:
+        values = np.asarray(action, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"action: expected numbers of shape {shape}, got {action!r}") from None
+    if values.shape != shape:
+        raise ValueError(f"action: expected shape {shape}, got {values.shape}")
+    if not np.isfinite(values).all():
+        raise ValueError(f"action: expected finite numbers, got {action!r}")
+    return values
+
+
+def averaged(infos: list[dict[str, Any]]) -> dict[str, Any]:
+    """The reward's terms and the mean square of the moments over several actions, from the info of each."""
+    means = ("rbm_mean_square", "reward_rbm", "reward_flap_angle", "reward_tower")
+    return {name: sum(info[name] for info in infos) / len(infos) for name in means}
+
+
+def checked_scale(scale: float) -> float:
+    """A positive finite scale."""
+    if not (isinstance(scale, (int, float)) and not isinstance(scale, bool) and 0.0 < scale < np.inf):
+        raise ValueError(f"scale: expected a positive number, got {scale!r}")
+    return float(scale)
+
+
+def checked_hold(hold: int) -> int:
+    """A whole number of at least one."""
+    if isinstance(hold, bool) or not isinstance(hold, (int, np.integer)) or hold < 1:
+        raise ValueError(f"hold: expected a whole number of at least 1, got {hold!r}")
+    return int(hold)

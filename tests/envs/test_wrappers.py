@@ -1,0 +1,220 @@
+"""Target angles and residual actions: what the inner loop promises, and single against vector environment."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from stable_baselines3.common.env_checker import check_env as check_for_sb3
+
+from flapgym.control import load_agent
+from flapgym.envs import FlapEnv, FlapVectorEnv
+from flapgym.envs.sb3 import FlapVecEnv
+from flapgym.envs.servo import Servo
+from flapgym.envs.vector_wrappers import VectorResidual, VectorTargetAngle
+from flapgym.envs.wrappers import Residual, TargetAngle
+from tests.synthetic import synthetic_model
+
+DEGREE = np.pi / 180.0
+SERVO = Servo(600.0 * DEGREE, 100.0 * DEGREE, 0.035)
+FULL = {"observe": ("azimuth", "rbm", "flap_angle", "flap_rate"), "steps_per_action": 1, "duration": 0.7}
+
+
+def _run(angle, rate, target, steps):
+    """Motion of a double integrator under the law: angles and rates, one more than steps."""
+    motion = [(angle, rate)]
+    for _ in range(steps):
+        acceleration = float(SERVO(np.array(angle), np.array(rate), np.array(target)))
+        assert abs(acceleration) <= SERVO.acceleration_limit * (1.0 + 1e-12)
+        reached = rate + acceleration * SERVO.period
+        angle, rate = angle + 0.5 * SERVO.period * (rate + reached), reached
+        motion.append((angle, rate))
+    return np.array(motion)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats(-10, 10), st.floats(-10, 10))
+def test_the_inner_loop_reaches_its_target_from_rest_in_least_time_and_without_overshoot(start, target):
+    motion = _run(start * DEGREE, 0.0, target * DEGREE, 20)
+    way = (target - start) * DEGREE
+    gone = (motion[:, 0] - start * DEGREE) * np.sign(way)
+    assert (np.diff(gone) >= -1e-12).all()
+    assert gone.max() <= abs(way) + 1e-12
+    assert np.abs(motion[:, 1]).max() <= SERVO.rate_limit * (1.0 + 1e-12)
+    # No motion can take less than accelerating half the way and braking the other half, between rate limits.
+    least = 2.0 * np.sqrt(abs(way) / SERVO.acceleration_limit)
+    if least > 2.0 * SERVO.rate_limit / SERVO.acceleration_limit:
+        least = abs(way) / SERVO.rate_limit + SERVO.rate_limit / SERVO.acceleration_limit
+    actions = int(np.ceil(least / SERVO.period)) + 2
+    np.testing.assert_allclose(motion[actions], [target * DEGREE, 0.0], atol=1e-12)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(-10, 10), st.floats(-100, 100), st.floats(-10, 10))
+def test_the_inner_loop_comes_to_rest_at_its_target_from_any_motion(start, rate, target):
+    motion = _run(start * DEGREE, rate * DEGREE, target * DEGREE, 30)
+    np.testing.assert_allclose(motion[-1], [target * DEGREE, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("steps_per_action", [1, 5])
+def test_target_angles_are_reached_and_held(model_file, steps_per_action):
+    env = TargetAngle(
+        gymnasium.make("flapgym/NREL5MW-v0", model=model_file, steps_per_action=steps_per_action)
+    )
+    env.reset(seed=0, options={"flap_angle": [0.1, 0.0, -0.05], "flap_rate": [0.0, 0.5, 0.0]})
+    action = np.array([0.5, -1.0, 0.8], dtype=np.float32)
+    for _ in range(100 // steps_per_action):
+        _, _, _, _, info = env.step(action)
+    np.testing.assert_allclose(info["flap_angle"], action * 10.0 * DEGREE, atol=1e-7)
+    np.testing.assert_allclose(info["flap_rate"], 0.0, atol=1e-6)
+
+
+def _wrapped(model_file):
+    keywords = dict(FULL, model=model_file)
+    return [
+        TargetAngle(gymnasium.make("flapgym/NREL5MW-v0", **keywords)),
+        Residual(gymnasium.make("flapgym/NREL5MW-v0", **keywords), "pd", scale=0.3, hold=5),
+    ]
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["TargetAngle", "Residual"])
+@pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
+def test_wrapped_environments_pass_both_checkers(model_file, which):
+    env = _wrapped(model_file)[which]
+    check_for_sb3(env)
+    check_env(env, skip_render_check=True)
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["TargetAngle", "Residual"])
+def test_wrapped_environments_are_made_again_from_their_spec(model_file, which):
+    env = _wrapped(model_file)[which]
+    twin = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    assert str(twin) == str(env)
+    (first, _), (other, _) = env.reset(seed=4), twin.reset(seed=4)
+    np.testing.assert_array_equal(first, other)
+    action = np.array([0.4, -0.2, 0.9], dtype=np.float32)
+    for _ in range(5):
+        one, two = env.step(action), twin.step(action)
+        np.testing.assert_array_equal(one[0], two[0])
+        assert one[1] == two[1]
+
+
+def test_no_correction_leaves_the_agent_alone():
+    model = synthetic_model()
+    agent = load_agent("pd", model)
+    plain, corrected = FlapEnv(model=model, **FULL), Residual(FlapEnv(model=model, **FULL), agent, hold=4)
+    for seed in (1, 2):
+        observation, _ = plain.reset(seed=seed)
+        corrected.reset(seed=seed)
+        state = None
+        for _ in range(10):
+            rewards = []
+            for _ in range(4):
+                action, state = agent.predict(observation[2:], state)
+                observation, reward, *_ = plain.step(action)
+                rewards.append(reward)
+            got = corrected.step(np.zeros(3))
+            np.testing.assert_array_equal(got[0], observation)
+            assert got[1] == pytest.approx(np.mean(rewards))
+            assert got[4]["reward_rbm"] == pytest.approx(got[1])
+            np.testing.assert_array_equal(got[4]["agent_action"], action)
+
+
+def test_a_correction_is_scaled_added_and_bounded():
+    model = synthetic_model()
+    with_another_interval = dict(FULL, steps_per_action=10)
+    env, plain = (
+        Residual(FlapEnv(model=model, **with_another_interval), "open_loop", scale=0.3),
+        FlapEnv(model=model, **with_another_interval),
+    )
+    env.reset(seed=1)
+    plain.reset(seed=1)
+    for correction, total in (([1.0, -0.5, 0.0], [0.3, -0.15, 0.0]), ([9.0, 0.0, -9.0], [1.0, 0.0, -1.0])):
+        got, expected = env.step(correction), plain.step(total)
+        np.testing.assert_allclose(got[0], expected[0], rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("action", [[0.0, np.nan, 0.0], [0.0], 0.0, "up", [[0.0, 0.0, 0.0]]], ids=str)
+@pytest.mark.parametrize("which", [0, 1], ids=["TargetAngle", "Residual"])
+def test_a_bad_action_is_refused_and_leaves_the_state_untouched(model_file, which, action):
+    env, twin = _wrapped(model_file)[which], _wrapped(model_file)[which]
+    for one in (env, twin):
+        one.reset(seed=8)
+        one.step(np.array([0.3, 0.0, -0.2], dtype=np.float32))
+    with pytest.raises(ValueError, match="action"):
+        env.step(action)
+    following = np.array([0.1, 0.2, 0.3], dtype=np.float32)
+    np.testing.assert_array_equal(env.step(following)[0], twin.step(following)[0])
+
+
+def test_what_does_not_fit_is_refused_with_what_to_write_instead():
+    model = synthetic_model()
+    with pytest.raises(
+        ValueError, match=r"observes flap_angle.*observe=\('rbm', 'flap_angle', 'flap_rate'\)"
+    ):
+        Residual(FlapEnv(model=model, steps_per_action=1), "pd")
+    with pytest.raises(ValueError, match="make it with steps_per_action=1"):
+        Residual(FlapEnv(model=model, **dict(FULL, steps_per_action=5)), "pd")
+    with pytest.raises(ValueError, match="scale: expected a positive"):
+        Residual(FlapEnv(model=model, **FULL), "pd", scale=0.0)
+    with pytest.raises(ValueError, match="hold: expected a whole"):
+        Residual(FlapEnv(model=model, **FULL), "pd", hold=0)
+    with pytest.raises(TypeError, match="expected an environment of flapgym, got PendulumEnv"):
+        TargetAngle(gymnasium.make("Pendulum-v1"))
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode), ids=str)
+@pytest.mark.parametrize("which", ["target", "residual"])
+def test_vector_wrappers_do_what_the_single_ones_do(mode, which):
+    model, count = synthetic_model(), 3
+    native = FlapVectorEnv(count, autoreset_mode=mode, model=model, **FULL)
+    wraps = {
+        "target": (VectorTargetAngle, TargetAngle),
+        "residual": (
+            lambda env: VectorResidual(env, "pd", scale=0.3, hold=3),
+            lambda env: Residual(env, "pd", scale=0.3, hold=3),
+        ),
+    }[which]
+    vector, singles = wraps[0](native), [wraps[1](FlapEnv(model=model, **FULL)) for _ in range(count)]
+    observation, _ = vector.reset(seed=7)
+    firsts = [env.reset(seed=7 + index)[0] for index, env in enumerate(singles)]
+    np.testing.assert_allclose(observation, firsts, rtol=1e-6, atol=1e-7)
+    rng = np.random.default_rng(0)
+    ended = np.zeros(count, dtype=bool)
+    for _ in range(120):
+        if mode is AutoresetMode.DISABLED and ended.any():
+            observation, _ = vector.reset(options={"reset_mask": ended.copy()})
+            for index in np.flatnonzero(ended):
+                np.testing.assert_allclose(
+                    observation[index], singles[index].reset()[0], rtol=1e-5, atol=1e-6
+                )
+            ended[:] = False
+        actions = rng.uniform(-1, 1, (count, 3)).astype(np.float32)
+        observation, reward, _, truncated, _ = vector.step(actions)
+        for index, env in enumerate(singles):
+            if mode is AutoresetMode.NEXT_STEP and ended[index]:
+                np.testing.assert_allclose(observation[index], env.reset()[0], rtol=1e-5, atol=1e-6)
+                ended[index] = False
+                continue
+            one, one_reward, _, one_truncated, _ = env.step(actions[index])
+            assert reward[index] == pytest.approx(one_reward, rel=1e-6)
+            assert truncated[index] == one_truncated
+            ended[index] = one_truncated
+            if one_truncated and mode is AutoresetMode.SAME_STEP:
+                one, _ = env.reset()
+            np.testing.assert_allclose(observation[index], one, rtol=1e-5, atol=1e-6)
+
+
+def test_stable_baselines_takes_a_wrapped_vector_environment():
+    keywords = dict(FULL, observe=("rbm", "flap_angle", "flap_rate"))
+    native = FlapVectorEnv(2, autoreset_mode="SameStep", model=synthetic_model(), **keywords)
+    env = FlapVecEnv(VectorTargetAngle(native), per_blade=True)
+    assert env.reset().shape == (6, 3)
+    for _ in range(40):
+        observation, *_ = env.step(np.full((6, 1), 0.5, dtype=np.float32))
+    np.testing.assert_allclose(observation[:, 1], 5.0 * DEGREE, atol=1e-6)

@@ -18,6 +18,8 @@ from flapgym.aeroelastic.model import TurbineModel
 WIDTH, HEIGHT = 640, 480
 SPAN = 20.0
 """Length of the traces [s]."""
+FRAME = 0.035
+"""Time between the points of a trace and the pictures in a window [s]; shorter actions are passed over."""
 
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
@@ -25,6 +27,7 @@ Point = tuple[float, float]
 PAPER: Colour = (250, 250, 248)
 INK: Colour = (45, 45, 50)
 GREY: Colour = (205, 205, 205)
+FAINT: Colour = (232, 232, 232)
 BLADE: Colour = (150, 155, 160)
 BLADE_COLOURS: tuple[Colour, ...] = ((0, 114, 178), (213, 94, 0), (0, 140, 100))
 WIND: Colour = (90, 90, 95)
@@ -55,7 +58,9 @@ class Screen:
             raise DependencyNotInstalled('rendering needs pygame: pip install "flapgym[render]"') from error
         self._pygame: Any = pygame
         self._model, self._mode, self._period = model, mode, period
-        self._history: deque[dict[str, Any]] = deque(maxlen=int(SPAN / period) + 1)
+        self._every = max(1, round(FRAME / period))
+        self._history: deque[dict[str, Any]] = deque(maxlen=int(SPAN / (self._every * period)) + 1)
+        self._now: dict[str, Any] | None = None
         self._elapsed = 0
         pygame.font.init()
         self._fonts = {size: pygame.font.Font(None, size) for size in (16, 20)}
@@ -66,12 +71,15 @@ class Screen:
     def clear(self) -> None:
         """Forget the traces: a new episode begins."""
         self._history.clear()
+        self._now = None
         self._elapsed = -1
 
     def record(self, info: dict[str, Any]) -> None:
         """Add one instant, an environment's `info`."""
         self._elapsed += 1
-        self._history.append(info)
+        self._now = info
+        if self._elapsed % self._every == 0:
+            self._history.append(info)
 
     def picture(self) -> NDArray[np.uint8]:
         """The frame as (height, width, 3)."""
@@ -80,6 +88,8 @@ class Screen:
 
     def display(self) -> None:
         """Show the frame in a window, no faster than real time."""
+        if self._elapsed % self._every != 0:
+            return
         pygame = self._pygame
         if self._window is None:
             pygame.display.init()
@@ -90,7 +100,7 @@ class Screen:
         self._window.blit(self._canvas, (0, 0))
         pygame.event.pump()
         pygame.display.flip()
-        self._clock.tick(1.0 / self._period)
+        self._clock.tick(1.0 / (self._every * self._period))
 
     def close(self) -> None:
         """Close the window."""
@@ -100,18 +110,17 @@ class Screen:
 
     def _draw(self) -> None:
         self._canvas.fill(PAPER)
-        if not self._history:
+        if self._now is None:
             return
-        now = self._history[-1]
+        now = self._now
         limit = np.rad2deg(self._model.flap_angle_limit)
         self._rotor(now)
         self._text("rotor from upwind", (20, 14), 16, WIND)
         self._text(f"t {self._elapsed * self._period:6.2f} s", (20, 430), 20)
         self._text(f"azimuth {np.rad2deg(now['azimuth']):5.0f} deg", (120, 430), 20)
         self._text(f"wind {self._model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
-        for blade, colour in enumerate(BLADE_COLOURS):
-            angle = np.rad2deg(now["flap_angle"][blade])
-            self._text(f"flap {blade + 1}  {angle:+5.1f} deg", (20 + 92 * blade, 405), 16, colour)
+        for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
+            self._text(f"flap {blade + 1}  {np.rad2deg(angle):+5.1f} deg", (20 + 92 * blade, 405), 16, colour)
         rbm = np.array([entry["rbm"] for entry in self._history]) * 1e-6
         flap = np.rad2deg([entry["flap_angle"] for entry in self._history])
         wind = np.array([[entry["wind_perturbation"]] for entry in self._history])
@@ -119,7 +128,9 @@ class Screen:
         self._trace((345, 30), "root bending moment [MN m]", rbm, reach, BLADE_COLOURS)
         self._trace((345, 180), "flap angle [deg]", flap, 1.15 * float(limit), BLADE_COLOURS)
         self._trace((345, 330), "wind perturbation [m/s]", wind, max(4.0, float(np.abs(wind).max())), (WIND,))
-        self._text(f"last {SPAN:.0f} s", (560, 452), 16, WIND)
+        for seconds in range(0, int(SPAN) + 1, 5):
+            self._text(f"{seconds - SPAN:.0f}", (338 + 14 * seconds, 445), 16, WIND)
+        self._text("time [s]", (464, 460), 16, WIND)
 
     def _rotor(self, now: dict[str, Any]) -> None:
         """Tower, blades and flaps; seen from upwind the rotor turns clockwise."""
@@ -130,16 +141,14 @@ class Screen:
             [(HUB[0] - 3, HUB[1]), (HUB[0] + 3, HUB[1]), (HUB[0] + 6, 362), (HUB[0] - 6, 362)],
         )
         draw.circle(self._canvas, GREY, HUB, REACH, 1)
-        for blade, colour in enumerate(BLADE_COLOURS):
+        for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
             azimuth = now["azimuth"] + 2.0 * np.pi * blade / 3.0
             outline = [(0.02, 3.0), (0.2, 5.0), (1.0, 1.5), (1.0, -2.5), (0.2, -13.0), (0.02, -3.0)]
             draw.polygon(self._canvas, BLADE, [_place(azimuth, *corner) for corner in outline])
             inner, outer = FLAP_SPAN
             flap = [(inner, -1.0), (outer, -1.0), (outer, -9.0), (inner, -11.0)]
             corners = [_place(azimuth, *corner) for corner in flap]
-            draw.polygon(
-                self._canvas, _flap_colour(now["flap_angle"][blade] / self._model.flap_angle_limit), corners
-            )
+            draw.polygon(self._canvas, _flap_colour(angle / self._model.flap_angle_limit), corners)
             draw.polygon(self._canvas, INK, corners, 1)
             label = _place(azimuth, 1.09, 0.0)
             self._text(str(blade + 1), (label[0] - 4, label[1] - 7), 20, colour)
@@ -167,15 +176,20 @@ class Screen:
         left, top, width, height = *corner, 280, 110
         self._text(title, (left, top - 16), 16)
         draw.rect(self._canvas, (255, 255, 255), (left, top, width, height))
+        for tick in range(1, 4):
+            draw.line(
+                self._canvas, FAINT, (left + width * tick / 4, top), (left + width * tick / 4, top + height)
+            )
         step = _round_step(reach)
         for level in np.arange(-np.floor(reach / step), np.floor(reach / step) + 1) * step:
             y = top + height * (0.5 - 0.5 * level / reach)
             draw.line(self._canvas, GREY, (left, y), (left + width, y))
             self._text(f"{level:g}", (left - 26, y - 5), 16, WIND)
         if len(values) > 1:
-            x = left + width * np.arange(len(values)) / (SPAN / self._period)
+            # The newest at the right edge, as the axis says.
+            x = left + width * (1.0 - np.arange(len(values))[::-1] / (SPAN / (self._every * self._period)))
             y = top + height * (0.5 - 0.5 * np.clip(values / reach, -1.0, 1.0))
-            for line, colour in enumerate(colours):
+            for line, colour in zip(range(y.shape[1]), colours, strict=False):
                 draw.aalines(self._canvas, colour, False, np.stack([x, y[:, line]], axis=1))
         draw.rect(self._canvas, INK, (left, top, width, height), 1)
 

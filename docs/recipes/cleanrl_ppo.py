@@ -1,7 +1,9 @@
 """PPO in one file of plain PyTorch over the vector environment: the whole turbine, nine observations, three flaps.
 
-pip install flapgym torch
-python cleanrl_ppo.py 2000000    # actions of turbines: 40 s of one core, reward from -1.11 to -0.56
+In any folder:
+
+    pip install flapgym torch
+    python cleanrl_ppo.py 2000000    # actions of turbines: 40 s of one core, reward from -1.11 to -0.56
 """
 
 import sys

@@ -1,7 +1,9 @@
 """Train PPO of Stable-Baselines3, one policy shared by all blades of 64 turbines, and compare it with doing nothing.
 
-pip install "flapgym[train]"
-python sb3_ppo.py 3000000        # actions of single blades: 40 s of one core, reward from -1.11 to -0.38
+In any folder:
+
+    pip install "flapgym[train]"
+    python sb3_ppo.py 3000000        # actions of single blades: 40 s of one core, reward from -1.11 to -0.38
 """
 
 import sys

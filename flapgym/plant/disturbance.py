@@ -1,4 +1,4 @@
-"""Response of the turbine to turbulence over a whole episode, computed at once (superposition).
+"""Response of the turbine to turbulence or a given wind over a whole episode, computed at once (superposition).
 
 The plant is linear up to the flap's stops, so what the wind does to the loads does not depend on the flaps. Filter and
 turbine are one system driven by white noise; its first state is drawn from the exact stationary distribution, so
@@ -19,6 +19,8 @@ from flapgym.plant.modal import Modal, modal_form
 from flapgym.state_space import Array, StateSpace, series
 from flapgym.turbulence import von_karman_filter
 
+RESPONSE_CHUNK = 2048
+"""Samples of a given wind whose states are kept at once."""
 BLOCK_STEPS = 64
 """Steps taken at once, rounded to whole intervals: about where products and recursion cost the same."""
 
@@ -135,6 +137,44 @@ class Disturbance:
             modes = self.block.decay * modes + pushes[:, index]
         rows = states @ self.block.read + windows @ self.block.feed
         return first, rows.reshape(n, blocks * self.intervals_per_block, self.rows.count)[:, :intervals]
+
+
+def wind_modes(model: TurbineModel) -> Modal:
+    """Wind [m/s] to the turbine's eight outputs and the wind itself."""
+    turbine = model.turbine.select(inputs=["wind"])
+    return modal_form(
+        replace(
+            turbine,
+            C=np.vstack([turbine.C, np.zeros((1, turbine.order))]),
+            D=np.vstack([turbine.D, np.ones((1, 1))]),
+            outputs=(*turbine.outputs, "wind"),
+        )
+    )
+
+
+def wind_response(modal: Modal, wind: Array, before: float) -> Array:
+    """Outputs (T, 9) of a turbine to a wind series (T,) [m/s] known in advance, such as a gust.
+
+    Parameters
+    ----------
+    modal : Modal
+        Of `wind_modes`.
+    wind : (T,) float
+        At samples 0 to T - 1 [m/s].
+    before : float
+        What has always blown before [m/s]: the turbine starts in equilibrium with it.
+    """
+    outputs = np.empty((wind.size, len(modal.outputs)))
+    drive = modal.drive[:, 0]
+    state = drive * before / (1.0 - modal.values)
+    states = np.empty((RESPONSE_CHUNK, modal.order), dtype=complex)
+    for first in range(0, wind.size, RESPONSE_CHUNK):
+        piece = wind[first : first + RESPONSE_CHUNK]
+        for row, now in enumerate(piece.tolist()):
+            states[row] = state
+            state = modal.values * state + drive * now
+        outputs[first : first + piece.size] = (states[: piece.size] @ modal.read.T).real
+    return outputs + wind[:, None] * modal.D[:, 0]
 
 
 def disturbance_modes(model: TurbineModel, length_scale: float) -> tuple[Modal, Array]:

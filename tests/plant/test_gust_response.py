@@ -1,0 +1,44 @@
+"""The response to a wind known in advance against the plainest stepping of the model's own matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flapgym.aeroelastic import load_model
+from flapgym.aeroelastic.multiblade import to_components
+from flapgym.plant.disturbance import wind_modes, wind_response
+from flapgym.plant.reference import run
+from flapgym.turbulence import gust_of
+from tests.synthetic import synthetic_model
+
+
+@pytest.mark.parametrize("model", [synthetic_model(), load_model()], ids=["synthetic", "shipped"])
+def test_a_gust_loads_the_turbine_as_stepping_its_matrices_does(model):
+    time = model.time_step * np.arange(2501)
+    wind = gust_of({"kind": "extreme_operating_gust", "start": 2.0}).wind(time, model.wind_speed)
+    response = wind_response(wind_modes(model), wind, 0.0)
+    plain = run(model, np.zeros((2500, 3)), wind, azimuth=0.4)
+    azimuth = 0.4 + model.rotor_speed * time
+    expected = np.hstack(
+        [
+            to_components(plain.rbm, azimuth),
+            to_components(plain.tip_deflection, azimuth),
+            plain.tower,
+            wind[:, None],
+        ]
+    )
+    # Each quantity by its largest component: symmetry makes some of them zero but for round-off.
+    for columns in (slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 9)):
+        error = np.abs(response[:, columns] - expected[:, columns]).max()
+        assert error <= 1e-10 * np.abs(expected[:, columns]).max()
+
+
+def test_a_wind_that_always_blew_finds_the_turbine_in_equilibrium():
+    model = load_model()
+    response = wind_response(wind_modes(model), np.full(300, 1.5), 1.5)
+    steady = 1.5 * model.turbine.select(inputs=["wind"]).dc_gain()[:, 0]
+    np.testing.assert_allclose(
+        response[:, :8], np.tile(steady, (300, 1)), rtol=1e-8, atol=1e-8 * steady.max()
+    )
+    np.testing.assert_array_equal(response[:, 8], 1.5)

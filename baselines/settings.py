@@ -37,6 +37,17 @@ class PDCandidate:
 
 
 @dataclass(frozen=True)
+class PIDCandidate(PDCandidate):
+    """A PID controller but for its gain, which the tuning finds; also that of a tilt and yaw channel."""
+
+    integral_gain: Annotated[float, Quantity("number", at_least=0.0)]
+    leak_time: Annotated[float, Quantity("time", above=0.0)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "pid")
+
+
+@dataclass(frozen=True)
 class Tuning:
     """Realisations, margin and candidates."""
 
@@ -46,6 +57,8 @@ class Tuning:
     lqg: tuple[LQGCandidate, ...]
     lqg_saturating: tuple[LQGCandidate, ...]
     pd: tuple[PDCandidate, ...]
+    pid: tuple[PIDCandidate, ...]
+    tilt_yaw: tuple[PIDCandidate, ...]
 
     def __post_init__(self) -> None:
         check_fields(self)

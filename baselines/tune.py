@@ -1,4 +1,4 @@
-"""Tune PD, LQG and the saturating LQG on a model and save them as agents: `python -m baselines.tune --help`."""
+"""Tune PD, PID, individual flap control and LQG on a model and save them as agents: `python -m baselines.tune --help`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.settings import load_tuning
-from baselines.tuning import Bench, Tuned, tune_lqg, tune_pd, tune_saturating
+from baselines.tuning import Bench, Tuned, tune_individual, tune_lqg, tune_pd, tune_pid, tune_saturating
 from flapgym.aeroelastic.model import load_model
 from flapgym.control import save_agent
 from flapgym.evaluation import writable_folder
@@ -21,6 +21,14 @@ CONFIG = Path(__file__).parents[1] / "configs" / "tuning.toml"
 
 CONTROLLERS: dict[str, tuple[Callable[[Bench], Tuned], str]] = {
     "pd": (tune_pd, "PD on each blade's root bending moment, gain raised until the flap just meets its stop"),
+    "pid": (
+        tune_pid,
+        "PID on each blade's root bending moment, gain raised until the flap just meets its stop",
+    ),
+    "individual_flap": (
+        tune_individual,
+        "PID on collective, tilt and yaw moments: the collective channel as `pid`, the others as the margin allows",
+    ),
     "lqg": (
         tune_lqg,
         "LQG of the clamped blade, weight raised until the flap just meets its stop (the paper's rule)",

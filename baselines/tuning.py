@@ -1,24 +1,27 @@
-"""The rules by which PD and LQG are tuned; every design is judged on the whole turbine (paper section IV.C)."""
+"""The rules by which PD, PID and LQG are tuned; every design is judged on the whole turbine (paper section IV.C)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
-from baselines.settings import LQGCandidate, PDCandidate, Tuning
+from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import (
     BladeController,
     PDGains,
+    PIDGains,
     RotorController,
     Stability,
     Weights,
     closed_loop,
     lqg_agent,
+    multiblade_pid_agent,
     pd_agent,
+    pid_agent,
     stability,
     stationary_rms,
 )
@@ -147,6 +150,50 @@ def tune_pd(bench: Bench) -> Tuned:
                 yield design(gain), asdict(PDGains(gain, **asdict(candidate)))
 
     return _least_rms(bench, designs())
+
+
+def tune_pid(bench: Bench) -> Tuned:
+    """The same with the integral."""
+
+    def designs() -> Iterable[tuple[LinearController, dict[str, float]]]:
+        for candidate in bench.tuning.pid:
+
+            def design(gain: float, candidate: PIDCandidate = candidate) -> BladeController:
+                return pid_agent("pid", bench.model, PIDGains(gain, **asdict(candidate)))
+
+            gain = meet_the_stops(bench, design, 1e-10)
+            if gain is not None:
+                yield design(gain), asdict(PIDGains(gain, **asdict(candidate)))
+
+    return _least_rms(bench, designs())
+
+
+def tune_individual(bench: Bench) -> Tuned:
+    """Individual flap control: the tuned PID on the collective channel, on tilt and yaw what the margin allows.
+
+    A homogeneous gust hardly loads those two, so no stop bounds their gain. Of the candidates the one that takes the
+    heaviest integral.
+    """
+    found = tune_pid(bench).design
+    collective = PIDGains(**{each.name: found[each.name] for each in fields(PIDGains)})
+    best: tuple[float, LinearController, dict[str, float]] | None = None
+    for candidate in bench.tuning.tilt_yaw:
+
+        def design(gain: float, candidate: PIDCandidate = candidate) -> RotorController:
+            cyclic = PIDGains(gain, **asdict(candidate))
+            return multiblade_pid_agent("individual_flap", bench.model, collective, cyclic)
+
+        gain = heaviest(bench, design, 1e-10, 1e-4)
+        numbers = {f"collective_{key}": value for key, value in asdict(collective).items()}
+        numbers |= {
+            f"cyclic_{key}": value for key, value in asdict(PIDGains(gain, **asdict(candidate))).items()
+        }
+        if best is None or gain * candidate.integral_gain / candidate.leak_time > best[0]:
+            best = gain * candidate.integral_gain / candidate.leak_time, design(gain), numbers
+    if best is None:
+        raise ValueError("individual_flap: the tuning file has no candidate for tilt and yaw")
+    _, agent, numbers = best
+    return _tuned(bench, agent, stability(bench.model, agent.system), numbers)
 
 
 def meet_the_stops(bench: Bench, design: Design, start: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Controllers: the Agent protocol, PD and LQG on each blade, trained policies in numpy (paper sections III, IV.C)."""
+"""Controllers: the Agent protocol, PD, PID and LQG, trained policies in numpy (paper sections III, IV.C)."""
 
 from flapgym.control.agent import Agent, OpenLoop
 from flapgym.control.agent_files import AGENT_NAMES, agent_design, load_agent, made_for, save_agent
@@ -6,6 +6,7 @@ from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
 from flapgym.control.lqg import DesignModel, Weights, design_model, lqg_agent, synthesise, white_wind
 from flapgym.control.pd import PDGains, pd_agent
+from flapgym.control.pid import PIDGains, multiblade_pid_agent, pid_agent
 from flapgym.control.policy import Policy
 from flapgym.control.rotor_controller import RotorController
 
@@ -16,6 +17,7 @@ __all__ = [
     "DesignModel",
     "OpenLoop",
     "PDGains",
+    "PIDGains",
     "Policy",
     "RotorController",
     "Stability",
@@ -27,7 +29,9 @@ __all__ = [
     "load_agent",
     "lqg_agent",
     "made_for",
+    "multiblade_pid_agent",
     "pd_agent",
+    "pid_agent",
     "save_agent",
     "stability",
     "stationary_rms",

@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 
 from baselines import tune
-from baselines.settings import LQGCandidate, PDCandidate, Tuning, load_tuning
-from baselines.tuning import Bench, heaviest, meet_the_stops, tune_lqg, tune_pd, tune_saturating
+from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning, load_tuning
+from baselines.tuning import (
+    Bench,
+    heaviest,
+    meet_the_stops,
+    tune_individual,
+    tune_lqg,
+    tune_pd,
+    tune_pid,
+    tune_saturating,
+)
 from flapgym.aeroelastic import save_model
 from flapgym.control import Weights, closed_loop, load_agent, lqg_agent, made_for
 from tests.synthetic import synthetic_model
@@ -16,11 +25,12 @@ MODEL = synthetic_model()
 CONFIG = Path(__file__).parents[2] / "configs" / "tuning.toml"
 LQG = (LQGCandidate(1.0, 0.0036, 0.01),)
 PD = (PDCandidate(0.1, 0.1, 12.0, 0.8),)
-BENCH = Bench(MODEL, Tuning(5, 2, 1.6, LQG, LQG, PD), 30.0, lambda name: None)
+PID = (PIDCandidate(0.1, 0.1, 12.0, 0.8, 1.0, 2.0),)
+BENCH = Bench(MODEL, Tuning(5, 2, 1.6, LQG, LQG, PD, PID, PID), 30.0, lambda name: None)
 
 
 def test_the_rule_brings_the_flap_just_to_its_stop():
-    for tuned in (tune_lqg(BENCH), tune_pd(BENCH)):
+    for tuned in (tune_lqg(BENCH), tune_pd(BENCH), tune_pid(BENCH)):
         assert tuned.design["tuning_flap_angle_max"] == pytest.approx(MODEL.flap_angle_limit, rel=0.01)
         assert BENCH.stroke(tuned.agent) == pytest.approx(1.0, abs=0.006)
 
@@ -38,7 +48,7 @@ def test_a_rule_without_an_answer_says_so():
 
 def test_the_saturating_design_is_as_heavy_as_the_margin_allows():
     weak = LQGCandidate(1.0, 1e-5, 0.002)
-    bench = Bench(MODEL, Tuning(5, 2, 4.0, LQG, (weak,), PD), 30.0, lambda name: None)
+    bench = Bench(MODEL, Tuning(5, 2, 4.0, LQG, (weak,), PD, PID, PID), 30.0, lambda name: None)
 
     def design(weight):
         return lqg_agent("lqg", MODEL, Weights(weight, 1.0, 1e-5, 0.002))
@@ -52,6 +62,12 @@ def test_the_saturating_design_reduces_more_than_the_limit_respecting_one():
     gentle, fierce = tune_lqg(BENCH), tune_saturating(BENCH)
     assert fierce.design["tuning_rbm_rms"] < 0.9 * gentle.design["tuning_rbm_rms"]
     assert fierce.design["tuning_flap_angle_max"] <= MODEL.flap_angle_limit
+
+
+def test_tilt_and_yaw_get_as_much_gain_as_the_margin_allows():
+    tuned = tune_individual(BENCH)
+    assert tuned.design["effectiveness_margin"] == pytest.approx(1.6, rel=0.05)
+    assert tuned.design["collective_proportional"] == tune_pid(BENCH).design["proportional"]
 
 
 def test_the_program_saves_agents_of_the_model_given(tmp_path, capsys, monkeypatch):

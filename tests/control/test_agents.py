@@ -155,7 +155,7 @@ def test_open_loop_fits_every_model():
 
 
 def test_an_unknown_agent_is_refused_with_the_known_ones():
-    with pytest.raises(ValueError, match=r"agent lqr: unknown; expected one of open_loop, pd, lqg"):
+    with pytest.raises(ValueError, match=r"agent lqr: unknown; expected one of open_loop, pd, pid, "):
         load_agent("lqr", MODEL)
     with pytest.raises(ValueError, match="no such file"):
         load_agent("nowhere.json", MODEL)

@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 
 from flapgym.aeroelastic import load_model
-from flapgym.control import AGENT_NAMES, BladeController, load_agent, made_for, stability, stationary_rms
+from flapgym.control import (
+    AGENT_NAMES,
+    BladeController,
+    RotorController,
+    load_agent,
+    made_for,
+    stability,
+    stationary_rms,
+)
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.evaluation import compare, measure, simulate
 
-TUNED = ("pd", "lqg", "lqg_saturating")
+TUNED = ("pd", "pid", "individual_flap", "lqg", "lqg_saturating")
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +36,7 @@ def test_every_named_agent_is_shipped_and_made_for_the_shipped_model(model, name
 @pytest.mark.parametrize("name", TUNED)
 def test_the_whole_turbine_bears_a_flap_of_1_6_times_the_effect(model, name):
     agent = load_agent(name, model)
-    assert isinstance(agent, BladeController)
+    assert isinstance(agent, BladeController | RotorController)
     found = stability(model, agent.system)
     assert found.spectral_radius < 1.0
     assert found.effectiveness_margin >= 1.6

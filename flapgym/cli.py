@@ -204,7 +204,7 @@ def _build(options: argparse.Namespace) -> Work:
 
 
 def _aero(options: argparse.Namespace) -> Work:
-    case = load_case(options.config)
+    case = load_case(options.config).alike()
 
     def work() -> int:
         print(describe_aerodynamics(case))
@@ -214,7 +214,7 @@ def _aero(options: argparse.Namespace) -> Work:
 
 
 def _modes(options: argparse.Namespace) -> Work:
-    case = load_case(options.config)
+    case = load_case(options.config).alike()
     turbine = case.turbine
     elements = (
         case.discretisation.blade_elements if options.blade_elements is None else options.blade_elements
@@ -279,6 +279,7 @@ def describe(model: TurbineModel) -> str:
         f"operating point  wind {model.wind_speed:g} m/s, rotor {model.rotor_speed:.4f} rad/s",
         f"turbulence       intensity {model.turbulence_intensity:.1%}, length scale {model.length_scale:g} m",
         f"time step        {model.time_step:g} s",
+        f"form             {model.form}",
         f"flap             {angle:g} deg, {rate:g} deg/s, {acceleration:g} deg/s^2 to either side",
         f"turbine          {turbine.order} states, spectral radius {turbine.spectral_radius():.6f}",
         f"single blade     {blade.order} states, spectral radius {blade.spectral_radius():.6f}",

@@ -59,7 +59,7 @@ def assembled(study: Study, u: Array, refresh: int) -> Array:
     for n, now in enumerate(u):
         if n % refresh == 0:
             azimuth = AZIMUTH + n * study.case.rotor_speed * dt
-            A, B, C, D = step_matrices(equations, aerodynamics, dt, azimuth)
+            A, B, C, D = step_matrices(equations, aerodynamics, dt, azimuth, equations.rotor_speed * dt)
             x = x if n else np.zeros(len(A))
         y[n] = C @ x + D @ now
         x = A @ x + B @ now

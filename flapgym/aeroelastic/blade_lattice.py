@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +125,13 @@ def reduce_component(
     ValueError
         If the wake has more than 4096 rows, which would take some 10 GB, or the reduction fails.
     """
+    return reduce_stacked(aero, [lattice], component, order, tolerance)
+
+
+def reduce_stacked(
+    aero: Aerodynamics, lattices: Sequence[BladeLattice], component: int, order: int, tolerance: float = 0.0
+) -> ReducedSystem:
+    """Like ``reduce_component`` where blades bring lattices of their own: one after the other in inputs and outputs."""
     if aero.wake_rows > _MOST_ROWS:
         raise ValueError(
             f"discretisation.wake_length: {aero.wake_rows} wake rows, the reduction takes at most {_MOST_ROWS}; "
@@ -132,8 +140,12 @@ def reduce_component(
     # The impulse response lasts somewhat longer than the wake: four times that leaves nothing to fold back.
     frequencies = max(2048, 2 ** int(np.ceil(np.log2(4 * aero.wake_rows))))
     z = np.exp(2j * np.pi * np.arange(frequencies) / frequencies)
-    response = lattice_response(aero, lattice, component, z)
-    input_scale = 1.0 / np.sqrt((lattice.downwash**2).mean(axis=0))
+    load = np.vstack([lattice.load for lattice in lattices])
+    response = np.concatenate(
+        [lattice_response(aero, replace(lattice, load=load), component, z) for lattice in lattices], axis=2
+    )
+    downwash = np.hstack([lattice.downwash for lattice in lattices])
+    input_scale = 1.0 / np.sqrt((downwash**2).mean(axis=0))
     at = round(_SCALING_FREQUENCY * aero.time_step * frequencies)
     output_scale = np.sqrt((np.abs(response[at] * input_scale) ** 2).mean(axis=1))
     return balanced_reduction(

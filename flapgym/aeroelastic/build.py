@@ -9,14 +9,17 @@ import numpy as np
 import scipy.linalg
 
 from flapgym.aerodynamics import Aerodynamics
-from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component
+from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component, reduce_stacked
 from flapgym.aeroelastic.compact import compact_model
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equations
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.aeroelastic.harmonics import fourier_series
+from flapgym.aeroelastic.model import TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
+from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.aeroelastic.trim import deflected_lattice, trim
-from flapgym.reduction import normal_modes, output_rms
-from flapgym.state_space import StateSpace, delayed, series
+from flapgym.aeroelastic.uneven import UnevenParts, assemble_uneven, multiblade_equations, uneven_equations
+from flapgym.reduction import ReducedSystem, normal_modes, output_rms
+from flapgym.state_space import Array, StateSpace, delayed, series
 from flapgym.structure import linear_support
 from flapgym.turbine import Case
 from flapgym.turbulence import von_karman_filter
@@ -47,23 +50,37 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     ValueError
         If blade and lattice find no balance, or the reduced aerodynamics or the coupled model is unstable.
     """
+    if case.blades.unequal and case.reduction.coupled_tolerance:
+        raise ValueError(
+            "reduction.coupled_tolerance: expected 0 % with unequal blades, whose periodic form is not reduced, "
+            f"got {100 * case.reduction.coupled_tolerance:g} %"
+        )
     tell = progress or (lambda stage: None)
     tell(STAGES[0])
-    parts, rotor_aero = assemble_parts(case)
-    lattice = parts.lattice
+    uneven = None
+    if case.blades.unequal:
+        uneven, rotor_aero = assemble_uneven(case)
+        parts, lattices = uneven.mean, [own.lattice for own in uneven.lattices]
+    else:
+        parts, rotor_aero = assemble_parts(case)
+        lattices = [parts.lattice]
     tell(STAGES[1])
-    blade_aero = deflected_lattice(case, parts.blade, blades=1)
+    blade_aero = deflected_lattice(parts.case, parts.blade, blades=1)
     tell(STAGES[2])
     keep = case.reduction.aerodynamic_states, case.reduction.aerodynamic_tolerance
-    collective, whirl = (reduce_component(rotor_aero, lattice, m, *keep) for m in (0, 1))
-    alone = reduce_component(blade_aero, lattice, 0, *keep)
+    collective, whirl = (reduce_stacked(rotor_aero, lattices, m, *keep) for m in (0, 1))
+    alone = reduce_component(blade_aero, parts.lattice, 0, *keep)
     tell(STAGES[3])
-    dt = case.discretisation.time_step
+    dt, periodic = case.discretisation.time_step, None
     rotor = multiblade_aerodynamics(collective, whirl, case.rotor_speed, dt)
-    turbine = couple(turbine_equations(parts), rotor, dt)
     single = couple(blade_equations(parts), alone, dt)
-    if case.discretisation.input_delay:
-        turbine, single = delayed(carried_on(turbine, case.rotor_speed * dt)), delayed(single)
+    late = bool(case.discretisation.input_delay)
+    if uneven is None:
+        turbine = couple(turbine_equations(parts), rotor, dt)
+        turbine = delayed(carried_on(turbine, case.rotor_speed * dt)) if late else turbine
+    else:
+        turbine, periodic = fourier_series(azimuth_steps(uneven, rotor, dt, late))
+    single = delayed(single) if late else single
     for name, system in (("turbine", turbine), ("blade", single)):
         radius = system.spectral_radius()
         if radius >= 1.0:
@@ -86,13 +103,15 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         rbm_rms=open_loop_rms(case, turbine),
         inputs_hash=case.hash(),
         case=case.to_dict(),
+        periodic=periodic,
     )
     tolerance = case.reduction.coupled_tolerance
     return compact_model(model, tolerance) if tolerance else model
 
 
 def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
-    """Blade about its trim in modes, support, and the lattice of the whole rotor."""
+    """Blade about its trim in modes, support, and the lattice of the whole rotor, for a case of equal blades."""
+    case = case.alike()
     balance = trim(case)
     blade = balance.blade
     frequency, shape = normal_modes(blade.mass, blade.stiffness, case.reduction.blade_modes)
@@ -105,6 +124,35 @@ def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
         lattice=blade_lattice(case, balance.rotor, blade, shape),
     )
     return parts, balance.rotor
+
+
+def azimuth_steps(
+    uneven: UnevenParts, rotor: ReducedSystem, time_step: float, late: bool = False
+) -> Callable[[float], tuple[StateSpace, Array]]:
+    """Steps of unequal blades by azimuth [rad], in multi-blade coordinates, with their forcing (n + ny,).
+
+    Parameters
+    ----------
+    uneven : UnevenParts
+    rotor : ReducedSystem
+        Its lattices, seen from the ground.
+    time_step : float
+        [s].
+    late : bool
+        Whether the inputs act a step late.
+    """
+    equations = uneven_equations(uneven)
+    turn = equations.rotor_speed * time_step
+    by_azimuth = multiblade_equations(equations)
+
+    def at(azimuth: float) -> tuple[StateSpace, Array]:
+        A, B, C, D = step_matrices(by_azimuth, rotor, time_step, azimuth, turn)
+        system = StateSpace(A, B[:, :-1], C, D[:, :-1], time_step, TURBINE_INPUTS, TURBINE_OUTPUTS)
+        queue = np.zeros(len(TURBINE_INPUTS) if late else 0)
+        forcing = np.concatenate([B[:, -1], queue, D[:, -1]])
+        return (delayed(carried_on(system, turn)) if late else system), forcing
+
+    return at
 
 
 def carried_on(turbine: StateSpace, turn: float) -> StateSpace:

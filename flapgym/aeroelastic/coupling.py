@@ -54,13 +54,17 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """A structure, what it asks of the lattice and what is read off both: all but the lattice itself."""
+    """A structure, what it asks of the lattice and what is read off both: all but the lattice itself.
+
+    ``forcing`` (n, nu) is the generalised force that inputs exert past the lattice, none by default.
+    """
 
     structure: SecondOrder
     lattice_input: LatticeInput
     output: Output
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    forcing: Array | None = None
 
 
 def multiblade_aerodynamics(
@@ -127,11 +131,14 @@ def instant(equations: Equations, aerodynamics: ReducedSystem) -> Instant:
     load_x = np.hstack([aerodynamics.D @ asks.position, aerodynamics.D @ asks.velocity, aerodynamics.C])
     load_e = aerodynamics.D @ asks.exogenous
     elastic = np.hstack([structure.stiffness, structure.damping, np.zeros((structure.mass.shape[0], r))])
+    force_e = structure.work @ load_e
+    if equations.forcing is not None:
+        force_e = force_e + equations.forcing
     return Instant(
         load_x=load_x,
         load_e=load_e,
         acceleration_x=np.linalg.solve(structure.mass, structure.work @ load_x - elastic),
-        acceleration_e=np.asarray(np.linalg.solve(structure.mass, structure.work @ load_e)),
+        acceleration_e=np.asarray(np.linalg.solve(structure.mass, force_e)),
         drive_x=np.hstack([aerodynamics.B @ asks.position, aerodynamics.B @ asks.velocity, aerodynamics.A]),
         drive_e=aerodynamics.B @ asks.exogenous,
     )

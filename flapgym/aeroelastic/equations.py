@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,8 +64,8 @@ def turbine_equations(parts: Parts) -> Equations:
         velocity=np.asarray(np.kron(three, moving) @ T),
         exogenous=np.hstack(
             [
-                np.kron(three, lattice.select("flap_angle")),
-                np.kron(three, lattice.select("flap_rate")),
+                flap_effectiveness(parts) * np.kron(three, lattice.select("flap_angle")),
+                flap_effectiveness(parts) * np.kron(three, lattice.select("flap_rate")),
                 gust,
             ]
         ),
@@ -105,7 +106,7 @@ def blade_equations(parts: Parts) -> Equations:
             velocity=lattice.select("mode_rate"),
             exogenous=np.hstack(
                 [
-                    lattice.select("flap_angle", "flap_rate"),
+                    flap_effectiveness(parts) * lattice.select("flap_angle", "flap_rate"),
                     lattice.select("gust").sum(axis=1, keepdims=True),
                 ]
             ),
@@ -121,45 +122,68 @@ def blade_equations(parts: Parts) -> Equations:
     )
 
 
-def periodic_equations(
-    parts: Parts, flap_effectiveness: tuple[float, float, float] = (1.0, 1.0, 1.0)
-) -> PeriodicEquations:
-    """The whole turbine by azimuth, its blades in their own frames; each blade's flap may act differently.
+def periodic_equations(parts: Parts) -> PeriodicEquations:
+    """The whole turbine of equal blades by azimuth, its blades in their own frames."""
+    return blade_by_blade(parts, (parts,) * 3, (0,) * 3)
+
+
+def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int]) -> PeriodicEquations:
+    """The whole turbine by azimuth, each blade with parts of its own.
 
     Parameters
     ----------
-    parts : Parts
-    flap_effectiveness : three floats
-        Factors on the flaps of blades 1 to 3.
+    mean : Parts
+        Of the mean blade, the one the modes of the support are made with.
+    blades : three Parts
+        Of each blade.
+    lattice : three ints
+        Which of the lattices stacked in the aerodynamics' inputs and outputs is each blade's.
     """
-    lattice = parts.lattice
-    support, support_shape = modal_support_matrices(parts)
-    held, moving = lattice.motion_inputs
-    each = np.array(flap_effectiveness)
+    support, support_shape = modal_support_matrices(mean)
+    slots = np.eye(max(lattice) + 1)[list(lattice)]
+
+    def asked(per_blade: Callable[[Parts], Array]) -> Array:
+        return np.stack(
+            [np.kron(slot[:, None], per_blade(own)) for slot, own in zip(slots, blades, strict=True)]
+        )
+
+    def flap(name: str) -> Array:
+        return asked(lambda own: flap_effectiveness(own) * own.lattice.select(name))[..., 0]
+
+    modes = mean.lattice.modes
     return PeriodicEquations(
-        blades=(modal_blade_matrices(parts),) * 3,
+        blades=tuple(modal_blade_matrices(own) for own in blades),
         support=support,
-        hub=parts.support.hub @ support_shape,
-        tower_top=(parts.support.tower_top @ support_shape)[:2],
-        held=held,
-        moving=moving,
-        flap_angle=lattice.select("flap_angle") * each,
-        flap_rate=lattice.select("flap_rate") * each,
-        gust=lattice.select("gust").sum(axis=1),
-        root=root_moment(parts.blade, lattice.modes)[0],
-        tip=tip_deflection(parts.case, parts.shape)[0],
-        rotor_speed=parts.case.rotor_speed,
+        hub=mean.support.hub @ support_shape,
+        tower_top=(mean.support.tower_top @ support_shape)[:2],
+        held=asked(lambda own: own.lattice.motion_inputs[0]),
+        moving=asked(lambda own: own.lattice.motion_inputs[1]),
+        felt=np.stack([np.kron(slot[None], np.eye(modes + 6)) for slot in slots]),
+        flap_angle=flap("flap_angle"),
+        flap_rate=flap("flap_rate"),
+        gust=asked(lambda own: own.lattice.select("gust").sum(axis=1, keepdims=True))[..., 0],
+        root=np.stack([root_moment(own.blade, modes)[0] for own in blades]),
+        tip=np.stack([tip_deflection(own.case, own.shape)[0] for own in blades]),
+        rotor_speed=mean.case.rotor_speed,
     )
 
 
-def modal_blade_matrices(parts: Parts) -> tuple[Array, Array, Array]:
-    """Mass, damping and stiffness (m + 6, m + 6) of one blade in its modes and the motion of its hub (eq. 2).
+def flap_effectiveness(parts: Parts) -> float:
+    """Factor on what the flap of this blade does."""
+    return parts.case.blades.flap_effectiveness[0]
 
-    Structural damping is modal, the documented share of critical for every mode.
+
+def modal_blade_matrices(parts: Parts) -> tuple[Array, Array, Array]:
+    """Mass, damping and stiffness (m + 6, m + 6) of one blade in its shapes and the motion of its hub (eq. 2).
+
+    Structural damping is modal, the documented share of critical for every mode of the blade within its shapes.
     """
     blade, shape, m = parts.blade, parts.shape, parts.lattice.modes
-    mass = np.block([[np.eye(m), shape.T @ blade.mass_sr], [blade.mass_rs @ shape, blade.mass_rr]])
-    modal = np.diag(2.0 * parts.case.turbine.blade_damping_ratio * parts.frequency)
+    own_mass, own_stiffness = shape.T @ blade.mass @ shape, shape.T @ blade.stiffness @ shape
+    frequency, modes = normal_modes(own_mass, own_stiffness, m)
+    momentum = own_mass @ modes
+    modal = momentum * (2.0 * parts.case.turbine.blade_damping_ratio * frequency) @ momentum.T
+    mass = np.block([[own_mass, shape.T @ blade.mass_sr], [blade.mass_rs @ shape, blade.mass_rr]])
     damping = np.block(
         [
             [shape.T @ blade.damping @ shape + modal, shape.T @ blade.damping_sr],
@@ -167,7 +191,7 @@ def modal_blade_matrices(parts: Parts) -> tuple[Array, Array, Array]:
         ]
     )
     stiffness = np.zeros_like(mass)
-    stiffness[:m, :m] = shape.T @ blade.stiffness @ shape
+    stiffness[:m, :m] = own_stiffness
     stiffness[m:, :m] = blade.stiffness_rs @ shape
     return mass, damping, stiffness
 

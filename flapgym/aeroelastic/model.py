@@ -19,12 +19,14 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
+from flapgym.aeroelastic.harmonics import PeriodicPart, system_at
 from flapgym.atomic import write_atomically
 from flapgym.state_space import Array, StateSpace
 
 FORMAT_VERSION = 1
 _SYSTEMS = ("turbine", "blade")
 _MATRICES = ("A", "B", "C", "D")
+_REAL, _COMPLEX = ("left", "right"), ("core", "forcing")  # of the periodic part
 _HASH_SETTINGS = (
     "wind_speed",
     "rotor_speed",
@@ -36,6 +38,7 @@ _HASH_SETTINGS = (
     "acceleration_limit",
 )
 _HASH_FREQUENCIES = (0.0, 0.3, 1.0, 3.0)  # Hz
+_HASH_AZIMUTHS = (0.0, 1.0, 2.5)  # rad, where unequal blades are looked at
 
 TURBINE_INPUTS = (
     "flap_angle_0",
@@ -91,6 +94,9 @@ class TurbineModel:
         SHA-256 of the inputs (case and turbine data) the model was built from.
     case : mapping
         Those inputs, as plain JSON values.
+    periodic : PeriodicPart, optional
+        With unequal blades, what the azimuth adds to ``turbine``, which is then the mean over the revolution:
+        ``flapgym.aeroelastic.harmonics`` evaluates and simulates it. None for equal blades, whose form is constant.
     format_version : int
         Version of the file format.
     """
@@ -109,6 +115,7 @@ class TurbineModel:
     rbm_rms: float
     inputs_hash: str
     case: Mapping[str, Any]
+    periodic: PeriodicPart | None = None
     format_version: int = FORMAT_VERSION
 
     @cached_property
@@ -121,14 +128,33 @@ class TurbineModel:
         """
         settings = [getattr(self, name) for name in _HASH_SETTINGS]
         digest = hashlib.sha256(repr(settings).encode())
-        for name in _SYSTEMS:
-            response = getattr(self, name).frequency_response(_HASH_FREQUENCIES)
+        systems = [self.turbine, self.blade]
+        if self.periodic is not None:
+            systems += [system_at(self.turbine, self.periodic, azimuth) for azimuth in _HASH_AZIMUTHS]
+        for system in systems:
+            response = system.frequency_response(_HASH_FREQUENCIES)
             largest = np.abs(response).max(axis=(0, 2), keepdims=True)
             digest.update(" ".join(f"{value:.3e}" for value in largest.ravel()).encode())
             # Adding zero makes one zero of the two that rounding leaves.
             parts = np.stack([response.real, response.imag]) / largest
             digest.update((np.round(parts, 3) + 0.0).astype("<f8").tobytes())
         return digest.hexdigest()
+
+    @property
+    def form(self) -> str:
+        """In one line, whether the multi-blade form is constant, and if not why."""
+        if self.periodic is None:
+            return "time-invariant, blades alike"
+        each = {
+            name: ", ".join(f"{value:g}" for value in values)
+            for name, values in self.case["blades"].items()
+            if len(set(values)) > 1
+        }
+        differ = "; ".join(f"{name} {values}" for name, values in each.items())
+        return (
+            f"periodic, since blades differ ({differ}): the mean over azimuth and "
+            f"{self.periodic.harmonics} harmonics of rank {self.periodic.rank}"
+        )
 
 
 def builtin_models() -> list[str]:
@@ -147,7 +173,7 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     header = {
         field.name: dict(model.case) if field.name == "case" else getattr(model, field.name)
         for field in fields(model)
-        if field.name not in _SYSTEMS
+        if field.name not in (*_SYSTEMS, "periodic")
     }
     for system in _SYSTEMS:
         part = getattr(model, system)
@@ -199,7 +225,9 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
             )
             for system in _SYSTEMS
         }
-        return TurbineModel(turbine=systems["turbine"], blade=systems["blade"], **header)
+        return TurbineModel(
+            turbine=systems["turbine"], blade=systems["blade"], periodic=_periodic(tensors), **header
+        )
     except (KeyError, TypeError) as error:
         raise ValueError(f"model {path}: incomplete ({error}); build it again") from None
 
@@ -216,11 +244,26 @@ def _find(name: str | os.PathLike[str]) -> Path:
 
 
 def _tensors(model: TurbineModel) -> dict[str, Array]:
-    return {
+    tensors = {
         f"{system}.{matrix}": np.ascontiguousarray(getattr(getattr(model, system), matrix))
         for system in _SYSTEMS
         for matrix in _MATRICES
     }
+    if model.periodic is not None:
+        for name in _REAL:
+            tensors[f"periodic.{name}"] = np.ascontiguousarray(getattr(model.periodic, name))
+        for name in _COMPLEX:  # as real and imaginary parts
+            value = getattr(model.periodic, name)
+            tensors[f"periodic.{name}"] = np.stack([value.real, value.imag])
+    return tensors
+
+
+def _periodic(tensors: Mapping[str, Array]) -> PeriodicPart | None:
+    if "periodic.left" not in tensors:
+        return None
+    left, right = (tensors[f"periodic.{name}"] for name in _REAL)
+    core, forcing = (v[0] + 1j * v[1] for v in (tensors[f"periodic.{name}"] for name in _COMPLEX))
+    return PeriodicPart(left=left, core=core, right=right, forcing=forcing)
 
 
 def _checksum(tensors: Mapping[str, Array], header: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ Newmark's rule, which they apply in different coordinates.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,7 @@ from flapgym.reduction import ReducedSystem
 from flapgym.state_space import Array
 
 PERIODIC_INPUTS = (*(f"flap_angle_{b}" for b in (1, 2, 3)), *(f"flap_rate_{b}" for b in (1, 2, 3)), "wind")
+IMBALANCE = "imbalance"
 PERIODIC_OUTPUTS = (
     *(f"rbm_{b}" for b in (1, 2, 3)),
     *(f"tip_deflection_{b}" for b in (1, 2, 3)),
@@ -102,16 +103,19 @@ class PeriodicEquations:
         Hub motion in the fixed frame per support mode.
     tower_top : (2, t) float
         Displacement downwind and sideways per support mode.
-    held, moving : (nu, m + 6) float
-        Lattice inputs of a blade per held position and per rate of its modes and its hub.
-    flap_angle, flap_rate : (nu, 3) float
-        Lattice inputs of each blade per flap angle and rate: blades may have unequal flaps.
-    gust : (nu,) float
-        Lattice inputs of a blade per homogeneous wind.
-    root, tip : (m + 6,) float
+    held, moving : (3, nu, m + 6) float
+        Lattice inputs of each blade per held position and per rate of its modes and its hub.
+    felt : (3, m + 6, ny) float
+        Loads on each blade's modes and hub per its lattice outputs.
+    flap_angle, flap_rate, gust : (3, nu) float
+        Lattice inputs of each blade per flap angle, flap rate and homogeneous wind.
+    root, tip : (3, m + 6) float
         Flapwise root moment per load on (modes, hub); tip deflection per (modes, hub).
     rotor_speed : float
         [rad/s].
+    steady : (3, 6) float, optional
+        Steady force and moment of each blade on the hub, in its frame: what of it turns with unequal blades is a
+        further input, ``IMBALANCE``, held at one.
     """
 
     blades: Sequence[tuple[Array, Array, Array]]
@@ -120,12 +124,24 @@ class PeriodicEquations:
     tower_top: Array
     held: Array
     moving: Array
+    felt: Array
     flap_angle: Array
     flap_rate: Array
     gust: Array
     root: Array
     tip: Array
     rotor_speed: float
+    steady: Array | None = None
+
+    @property
+    def modes(self) -> int:
+        """Modes of a blade."""
+        return int(self.held.shape[2]) - 6
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return PERIODIC_INPUTS if self.steady is None else (*PERIODIC_INPUTS, IMBALANCE)
 
     def __call__(self, azimuth: float) -> Equations:
         """Equations with the joint at an azimuth."""
@@ -136,25 +152,29 @@ class PeriodicEquations:
         own = [np.zeros((nd, nd)) for _ in range(3)]
         for matrix, part in zip(own, self.support, strict=True):
             matrix[nd - t :, nd - t :] = part
-        size = self.held.shape[1]
         # The lattice speaks in components on the rotor; blades in their own signals.
-        spread = np.kron(on_rotor(), np.eye(size))
-        gather = np.kron(np.linalg.inv(on_rotor()), np.eye(self.held.shape[0]))
-        flap = [
-            scipy.linalg.block_diag(*(column[:, None] for column in part.T))
+        spread = scipy.linalg.block_diag(*self.felt) @ np.kron(on_rotor(), np.eye(self.felt.shape[2]))
+        gather = np.kron(np.linalg.inv(on_rotor()), np.eye(self.held.shape[1]))
+        flaps = [
+            scipy.linalg.block_diag(*(column[:, None] for column in part))
             for part in (self.flap_angle, self.flap_rate)
         ]
-        each = np.eye(BLADES)
-        root = np.kron(each, self.root)
+        exogenous = gather @ np.hstack([*flaps, self.gust.reshape(-1, 1)])
+        forcing = None
+        if self.steady is not None:
+            exogenous = np.hstack([exogenous, np.zeros((len(exogenous), 1))])
+            forcing = np.zeros((nd, len(self.inputs)))
+            forcing[nd - t :, -1] = self._imbalance(azimuth)
+        root = scipy.linalg.block_diag(*(row[None] for row in self.root))
         quiet = np.zeros((BLADES + 2, nd))
         return Equations(
             SecondOrder(
                 T.T @ mass @ T + own[0], T.T @ moves + own[1], T.T @ stiffness @ T + own[2], T.T @ spread
             ),
             LatticeInput(
-                position=gather @ np.kron(each, self.held) @ T,
-                velocity=gather @ np.kron(each, self.moving) @ T,
-                exogenous=gather @ np.hstack([*flap, np.tile(self.gust, BLADES)[:, None]]),
+                position=gather @ scipy.linalg.block_diag(*self.held) @ T,
+                velocity=gather @ scipy.linalg.block_diag(*self.moving) @ T,
+                exogenous=exogenous,
             ),
             Output(
                 acceleration=np.vstack([-root @ mass @ T, quiet]),
@@ -162,19 +182,31 @@ class PeriodicEquations:
                 position=np.vstack(
                     [
                         -root @ stiffness @ T,
-                        np.kron(each, self.tip) @ T,
+                        scipy.linalg.block_diag(*(row[None] for row in self.tip)) @ T,
                         np.hstack([np.zeros((2, nd - t)), self.tower_top]),
                     ]
                 ),
                 load=np.vstack([root @ spread, np.zeros((BLADES + 2, spread.shape[1]))]),
             ),
-            PERIODIC_INPUTS,
+            self.inputs,
             PERIODIC_OUTPUTS,
+            forcing,
         )
+
+    def _imbalance(self, azimuth: float) -> Array:
+        """Force (t,) on the support of what turns in the blades' steady loads; their mean is the trim's own."""
+        assert self.steady is not None
+        _, cosine, sine = hub_components()
+        angles = blade_azimuths(azimuth)
+        load = sum(
+            (np.cos(angle) * cosine + np.sin(angle) * sine).T @ each
+            for angle, each in zip(angles, self.steady, strict=True)
+        )
+        return np.asarray(self.hub.T @ load)
 
     def _kinematics(self, azimuth: float) -> tuple[Array, Array]:
         """T and its part of the acceleration: blades' (a, h) rates are T d', accelerations T d'' + turning d'."""
-        modes, t = self.held.shape[1] - 6, self.hub.shape[1]
+        modes, t = self.modes, self.hub.shape[1]
         T = np.zeros((BLADES, modes + 6, BLADES * modes + t))
         turning = np.zeros_like(T)
         components = hub_components()
@@ -203,22 +235,32 @@ def periodic_model(
     entries : int
         Azimuths in the table; a step leads from each to the azimuth one time step later.
     """
+    turn = equations.rotor_speed * time_step
     steps = [
-        step_matrices(equations, aerodynamics, time_step, azimuth)
+        step_matrices(equations, aerodynamics, time_step, azimuth, turn)
         for azimuth in 2.0 * np.pi * np.arange(entries) / entries
     ]
     A, B, C, D = (np.stack(matrices) for matrices in zip(*steps, strict=True))
-    return PeriodicModel(A, B, C, D, time_step, equations.rotor_speed, PERIODIC_INPUTS, PERIODIC_OUTPUTS)
+    return PeriodicModel(A, B, C, D, time_step, equations.rotor_speed, equations.inputs, PERIODIC_OUTPUTS)
 
 
 def step_matrices(
-    equations: PeriodicEquations, aerodynamics: ReducedSystem, time_step: float, azimuth: float
+    equations: Callable[[float], Equations],
+    aerodynamics: ReducedSystem,
+    time_step: float,
+    azimuth: float,
+    turn: float,
 ) -> tuple[Array, Array, Array, Array]:
-    """A, B, C, D of eq. 14 for the step that begins at an azimuth [rad]."""
-    before, after = equations(azimuth), equations(azimuth + equations.rotor_speed * time_step)
+    """A, B, C, D of eq. 14 for the step from an azimuth [rad] over a `turn` [rad].
+
+    ``equations`` and ``aerodynamics`` may be those of blades' own frames and the rotor, or both in multi-blade
+    coordinates: Newmark's rule is applied in theirs.
+    """
+    before, after = equations(azimuth), equations(azimuth + turn)
     here, there = instant(before, aerodynamics), instant(after, aerodynamics)
     right, now = explicit_part(here, time_step)
     left, _ = implicit_part(there, time_step)
+    # The input's part at n + 1 is moved into the state with the matrices of its own instant.
     jump = np.linalg.solve(*implicit_part(here, time_step))
     A = np.linalg.solve(left, right)
     C, direct = reading(before.output, here)

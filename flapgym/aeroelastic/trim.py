@@ -58,9 +58,8 @@ def trim(case: Case, blades: int = 3) -> Trim:
         If the beam finds no balance under a load, or lattice and beam do not settle; the message says how far
         apart they are.
     """
-    grid = case.discretisation
-
-    point = case.operating_point
+    case = case.alike()
+    grid, point = case.discretisation, case.operating_point
 
     def bend(load: Array | None) -> LinearBlade:
         try:

@@ -1,6 +1,6 @@
 """The machine and the case: frozen data read from TOML files with units, refused where they are not understood."""
 
-from flapgym.turbine.case import Case, Discretisation, Flap, OperatingPoint, Reduction, Turbulence
+from flapgym.turbine.case import Blades, Case, Discretisation, Flap, OperatingPoint, Reduction, Turbulence
 from flapgym.turbine.files import load_case, load_turbine
 from flapgym.turbine.machine import (
     Airfoil,
@@ -17,6 +17,7 @@ from flapgym.turbine.machine import (
 __all__ = [
     "Airfoil",
     "BladeSections",
+    "Blades",
     "Case",
     "Discretisation",
     "Drivetrain",

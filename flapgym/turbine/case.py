@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from flapgym.turbine.fields import Choice, Count, Quantity, Text, check_fields
+from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields
 from flapgym.turbine.machine import Turbine
 from flapgym.turbine.units import DEGREE
 
@@ -120,6 +120,36 @@ class Flap:
 
 
 @dataclass(frozen=True)
+class Blades:
+    """What sets each of the three blades apart from the turbine's blade; blade 1 first.
+
+    Attributes
+    ----------
+    mass_factor, stiffness_factor : three floats
+        On all masses and inertias, and on all stiffnesses, of a blade's sections.
+    flap_effectiveness : three floats
+        On what a blade's flap does, beside `flap.effectiveness`; zero for a dead flap.
+    pitch_offset : three floats
+        Added to the collective pitch [rad].
+    """
+
+    mass_factor: Annotated[tuple[float, float, float], PerBlade("number", at_least=0.5, at_most=2.0)]
+    stiffness_factor: Annotated[tuple[float, float, float], PerBlade("number", at_least=0.5, at_most=2.0)]
+    flap_effectiveness: Annotated[tuple[float, float, float], PerBlade("number", at_least=0.0, at_most=2.0)]
+    pitch_offset: Annotated[
+        tuple[float, float, float], PerBlade("angle", at_least=-5 * DEGREE, at_most=5 * DEGREE)
+    ]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "blades")
+
+    @property
+    def unequal(self) -> tuple[str, ...]:
+        """Names of the fields in which the blades differ from each other."""
+        return tuple(f.name for f in fields(self) if len(set(getattr(self, f.name))) > 1)
+
+
+@dataclass(frozen=True)
 class Reduction:
     """Sizes of the reduced model.
 
@@ -168,6 +198,7 @@ class Case:
     flap: Flap
     reduction: Reduction
     turbulence: Turbulence
+    blades: Blades
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -212,6 +243,40 @@ class Case:
         """Angular speed of the rotor, tip-speed ratio times wind speed over radius [rad/s]."""
         point = self.operating_point
         return point.tip_speed_ratio * point.wind_speed / self.turbine.rotor.radius
+
+    def of_blade(self, blade: int) -> Case:
+        """The case whose three blades are all like blade 0, 1 or 2 of this one."""
+        return self._alike(*(getattr(self.blades, f.name)[blade] for f in fields(self.blades)))
+
+    def of_mean_blade(self) -> Case:
+        """The case whose three blades are all like the mean of the blades of this one."""
+        return self._alike(*(float(np.mean(getattr(self.blades, f.name))) for f in fields(self.blades)))
+
+    def alike(self) -> Case:
+        """The same case, what its blades have in common worked into turbine and pitch.
+
+        Raises
+        ------
+        ValueError
+            If its blades differ.
+        """
+        if self.blades.unequal:
+            name = self.blades.unequal[0]
+            raise ValueError(
+                f"blades.{name}: expected equal blades here, got {getattr(self.blades, name)}; "
+                "unequal blades are for `flapgym build`"
+            )
+        return self.of_blade(0)
+
+    def _alike(self, mass: float, stiffness: float, flap: float, offset: float) -> Case:
+        point, ones, zeros = self.operating_point, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+        plain = (mass, stiffness) == (1.0, 1.0)
+        return replace(
+            self,
+            turbine=self.turbine if plain else self.turbine.with_blade(mass, stiffness),
+            operating_point=replace(point, pitch=point.pitch + offset),
+            blades=Blades(ones, ones, (flap, flap, flap), zeros),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return every value of the case and its turbine as nested dictionaries, lists and numbers, in SI."""

@@ -80,6 +80,31 @@ class Quantity(_Bounded):
 
 
 @dataclass(frozen=True)
+class PerBlade(_Bounded):
+    """One number of a dimension of `units.UNITS` for each of the three blades."""
+
+    dimension: str
+
+    def parse(self, value: object, name: str) -> tuple[object, ...]:
+        """Read a TOML array, in SI."""
+        each = self._three(value, name)
+        return tuple(parse_quantity(item, self.dimension, f"{name}[{b}]") for b, item in enumerate(each))
+
+    def check(self, value: object, name: str) -> tuple[float, float, float]:
+        """Refuse what is not three values in range."""
+        one = Quantity(
+            self.dimension, above=self.above, at_least=self.at_least, below=self.below, at_most=self.at_most
+        )
+        each = [one.check(item, f"{name}[{b}]") for b, item in enumerate(self._three(value, name))]
+        return typing.cast(tuple[float, float, float], tuple(each))
+
+    def _three(self, value: object, name: str) -> tuple[object, ...]:
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            raise ValueError(f"{name}: expected three values, one a blade, got {value!r}")
+        return tuple(value)
+
+
+@dataclass(frozen=True)
 class Count(_Bounded):
     """A whole number."""
 

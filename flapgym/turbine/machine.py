@@ -289,6 +289,22 @@ class Turbine:
         """Return the aerofoil of that name."""
         return next(airfoil for airfoil in self.airfoils if airfoil.name == name)
 
+    def with_blade(self, mass_factor: float, stiffness_factor: float) -> Turbine:
+        """The turbine whose blades have so many times the mass (and inertia) and so many times the stiffness."""
+
+        def scaled(sections: BladeSections) -> BladeSections:
+            mass = ("mass_density", "flap_inertia", "edge_inertia")
+            stiffness = ("flap_stiffness", "edge_stiffness", "torsion_stiffness", "axial_stiffness")
+            changed = {name: mass_factor * getattr(sections, name) for name in mass}
+            changed |= {name: stiffness_factor * getattr(sections, name) for name in stiffness}
+            return replace(sections, **changed)
+
+        return replace(
+            self,
+            blade_sections_documented=scaled(self.blade_sections_documented),
+            blade_sections_12=scaled(self.blade_sections_12),
+        )
+
     def blade_sections(self, elements: int) -> BladeSections:
         """Section properties at the nodes of a blade of so many elements, mass factor included.
 

@@ -11,6 +11,7 @@ from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import (
     Parts,
+    blade_by_blade,
     modal_support_matrices,
     periodic_equations,
     turbine_equations,
@@ -64,7 +65,7 @@ def march(equations, lattice, dt, azimuth, u):
     """Outputs of the azimuth-dependent form stepped at its exact azimuths."""
     x, y = 0.0, []
     for theta, now in zip(azimuth, u, strict=True):
-        A, B, C, D = step_matrices(equations, lattice, dt, theta)
+        A, B, C, D = step_matrices(equations, lattice, dt, theta, equations.rotor_speed * dt)
         x = np.zeros(len(A)) if not y else x
         y.append(C @ x + D @ now)
         x = A @ x + B @ now
@@ -123,10 +124,13 @@ def test_weaker_flap_on_one_blade_moves_that_blade_less_and_leaves_the_others_fl
     parts, components = small
     dt = parts.case.discretisation.time_step
     aerodynamics = multiblade_aerodynamics(*components, 0.0, dt)
-    weak, whole = (
-        periodic_model(periodic_equations(parts, effectiveness), aerodynamics, dt, 24)
-        for effectiveness in ((0.5, 1.0, 1.0), (1.0, 1.0, 1.0))
-    )
+    case, (weaker, usual) = parts.case, ((0.5,) * 3, (1.0,) * 3)
+    each = [
+        replace(parts, case=replace(case, blades=replace(case.blades, flap_effectiveness=share)))
+        for share in (weaker, usual, usual)
+    ]
+    weak = periodic_model(blade_by_blade(parts, each, (0, 0, 0)), aerodynamics, dt, 24)
+    whole = periodic_model(periodic_equations(parts), aerodynamics, dt, 24)
     for flap in range(6):  # three angles, three rates
         u = np.zeros((200, 7))
         u[:, flap] = 0.1

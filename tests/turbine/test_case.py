@@ -141,3 +141,25 @@ def test_hash_changes_with_the_last_digit_of_a_number(path):
 def test_setting_that_does_not_fit_the_turbine_is_refused_at_the_door(section, change, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         dataclasses.replace(RATED, **{section: dataclasses.replace(getattr(RATED, section), **change)})
+
+
+@pytest.mark.parametrize(
+    "value", [(1.0, 1.0), (1.0, 1.0, 0.1), (1.0, 1.0, math.nan), 1.0, (1.0, 1.0, "1 kg"), (1.0, 1.0, True)]
+)
+def test_a_factor_that_is_not_three_numbers_in_range_is_refused(value):
+    with pytest.raises(ValueError, match=r"^blades\.mass_factor(\[2\])?: expected "):
+        altered("blades", mass_factor=value)
+
+
+def test_one_blade_s_factors_go_into_turbine_and_pitch_of_the_case_of_three_like_it():
+    case = altered("blades", mass_factor=(1.0, 1.0, 1.1), pitch_offset=(0.0, 0.0, 0.01))
+    assert case.blades.unequal == ("mass_factor", "pitch_offset")
+    heavy, light = case.of_blade(2), case.of_blade(0)
+    assert heavy.operating_point.pitch == RATED.operating_point.pitch + 0.01
+    np.testing.assert_allclose(
+        heavy.turbine.blade_sections_12.mass_density, 1.1 * RATED.turbine.blade_sections_12.mass_density
+    )
+    assert light.hash() == RATED.hash() != heavy.hash()
+    assert not heavy.blades.unequal
+    with pytest.raises(ValueError, match=r"^blades\.mass_factor: expected equal blades here"):
+        case.alike()

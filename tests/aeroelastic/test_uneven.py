@@ -1,0 +1,203 @@
+"""Unequal blades: the periodic form in multi-blade coordinates against the blades' own frames and the constant form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flapgym.aeroelastic import load_model, save_model
+from flapgym.aeroelastic.blade_lattice import reduce_stacked
+from flapgym.aeroelastic.build import assemble_parts, azimuth_steps, build_model
+from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
+from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
+from flapgym.aeroelastic.floquet import floquet_multipliers
+from flapgym.aeroelastic.harmonics import fourier_series, simulate_periodic, system_at
+from flapgym.aeroelastic.multiblade import to_blades, to_components
+from flapgym.aeroelastic.periodic import step_matrices
+from flapgym.aeroelastic.uneven import assemble_uneven, multiblade_equations, uneven_equations
+from flapgym.turbine import load_case
+
+CASE = load_case()
+DT = CASE.discretisation.time_step
+RNG = np.random.default_rng(3)
+
+
+def coarse(**blades):
+    """A small case whose blades differ as told."""
+    grid = replace(CASE.discretisation, chordwise_panels=3, wake_length=0.1)
+    reduction = replace(CASE.reduction, blade_modes=4, tower_modes=4, aerodynamic_states=15)
+    return replace(CASE, discretisation=grid, reduction=reduction, blades=replace(CASE.blades, **blades))
+
+
+@pytest.fixture(scope="module")
+def equal():
+    """Parts of equal blades and their lattice's two components."""
+    parts, aero = assemble_parts(coarse())
+    return parts, [reduce_stacked(aero, [parts.lattice], m, 15) for m in (0, 1)]
+
+
+@pytest.fixture(scope="module")
+def uneven():
+    """Parts of blades that differ in everything and their lattices' two components."""
+    parts, aero = assemble_uneven(
+        coarse(
+            mass_factor=(1.0, 1.0, 1.02),
+            stiffness_factor=(1.0, 0.97, 1.0),
+            pitch_offset=(0.0, 0.005, 0.0),
+            flap_effectiveness=(1.0, 1.0, 0.5),
+        )
+    )
+    lattices = [own.lattice for own in parts.lattices]
+    return parts, [reduce_stacked(aero, lattices, m, 15) for m in (0, 1)]
+
+
+def test_equal_blades_are_the_time_invariant_form_at_every_azimuth(equal):
+    parts, components = equal
+    fixed = multiblade_aerodynamics(*components, CASE.rotor_speed, DT)
+    still = couple(turbine_equations(parts), fixed, DT)
+    by_azimuth = multiblade_equations(periodic_equations(parts))
+    for azimuth in (0.0, 1.1, 4.0):
+        step = step_matrices(by_azimuth, fixed, DT, azimuth, CASE.rotor_speed * DT)
+        for ours, theirs in zip(step, (still.A, still.B, still.C, still.D), strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12 * np.abs(theirs).max())
+
+
+def blade_signals(steps):
+    """Flaps of three blades, wind and azimuths of some steps."""
+    time = DT * np.arange(steps)
+    phase = RNG.uniform(0.0, 6.0, (1, 7))
+    signal = np.sin(time[:, None] * np.array([1.0, 2.5, 4.0, 3.0, 2.0, 5.0, 3.5]) + phase)
+    return 0.1 * signal, 0.7 + CASE.rotor_speed * time
+
+
+def in_components(u, azimuth):
+    return np.hstack([to_components(u[:, :3], azimuth), to_components(u[:, 3:6], azimuth), u[:, 6:]])
+
+
+def test_series_evaluates_to_the_steps_it_was_made_of_between_its_samples(uneven):
+    parts, components = uneven
+    at = azimuth_steps(parts, multiblade_aerodynamics(*components, CASE.rotor_speed, DT), DT)
+    mean, periodic = fourier_series(at)
+    u, azimuth = blade_signals(400)
+    ours = simulate_periodic(mean, periodic, in_components(u, azimuth), azimuth)
+    x, theirs = np.zeros(mean.order), np.empty_like(ours)
+    for n, now in enumerate(in_components(u, azimuth)):
+        step, forcing = at(azimuth[n])
+        theirs[n] = step.C @ x + step.D @ now + forcing[len(x) :]
+        x = step.A @ x + step.B @ now + forcing[: len(x)]
+    np.testing.assert_allclose(
+        ours / np.abs(theirs).max(axis=0), theirs / np.abs(theirs).max(axis=0), atol=1e-9
+    )
+
+
+def test_blades_own_frames_and_multiblade_coordinates_converge_with_the_square_of_the_step(uneven):
+    """The same unequal blades, Newmark's rule in two coordinates; a lattice without memory, so that dt is free."""
+    parts, components = uneven
+    frozen = [replace_memory(part) for part in components]
+    equations = uneven_equations(parts)
+    gaps = []
+    for steps in (100, 200):
+        dt = 1.0 / steps
+        time = dt * np.arange(steps + 1)
+        turn = CASE.rotor_speed * dt
+        azimuth = 0.6 + CASE.rotor_speed * time
+        u = np.zeros((steps + 1, 8))
+        u[:, :3] = np.outer(1.0 - np.cos(3.0 * time), [0.1, -0.05, 0.02])
+        tips = []
+        for form, lattice in (
+            (equations, multiblade_aerodynamics(*frozen, 0.0, dt)),
+            (multiblade_equations(equations), multiblade_aerodynamics(*frozen, CASE.rotor_speed, dt)),
+        ):
+            own = form is equations
+            inputs = u if own else np.hstack([in_components(u[:, :7], azimuth), u[:, 7:]])
+            x, y = None, []
+            for theta, now in zip(azimuth, inputs, strict=True):
+                A, B, C, D = step_matrices(form, lattice, dt, theta, turn)
+                x = np.zeros(len(A)) if x is None else x
+                y.append(C @ x + D @ now)
+                x = A @ x + B @ now
+            out = np.array(y)[:, 3:6]
+            tips.append(out if own else to_blades(out, azimuth))
+        gaps.append(np.abs(tips[0] - tips[1]).max())
+    assert 3.5 < gaps[0] / gaps[1] < 4.5
+
+
+def replace_memory(component):
+    """The component's steady gains alone."""
+    gain = component.transfer_function(np.ones(1, dtype=complex))[0]
+    gain = gain if np.iscomplexobj(component.A) else gain.real
+    ny, nu = gain.shape
+    return replace(component, A=np.zeros((0, 0)), B=np.zeros((0, nu)), C=np.zeros((ny, 0)), D=gain)
+
+
+def test_one_percent_on_the_third_blade_shows_as_four_thousandths_of_the_mass_matrix():
+    parts, _ = assemble_uneven(coarse(mass_factor=(1.0, 1.0, 1.01)))
+    by_azimuth = multiblade_equations(uneven_equations(parts))
+    mass = np.stack([by_azimuth(azimuth).structure.mass for azimuth in np.linspace(0.0, 6.0, 25)])
+    assert np.ptp(mass, axis=0).max() / 2.0 == pytest.approx(4e-3 * np.abs(mass).max(), rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def dead_flap():
+    return build_model(coarse(flap_effectiveness=(1.0, 1.0, 0.0)))
+
+
+def test_dead_flap_is_the_time_invariant_turbine_with_that_flap_held_still(dead_flap):
+    whole = build_model(coarse())
+    u, azimuth = blade_signals(300)
+    ours = simulate_periodic(dead_flap.turbine, dead_flap.periodic, in_components(u, azimuth), azimuth)
+    u[:, [2, 5]] = 0.0
+    theirs = whole.turbine.simulate(in_components(u, azimuth))
+    size = np.abs(theirs).max(axis=0)
+    np.testing.assert_allclose(ours / size, theirs / size, atol=1e-9)
+
+
+def test_blades_of_one_other_pitch_mass_and_stiffness_are_the_turbine_made_of_them():
+    """Equal factors go into turbine and pitch: no periodic form, and the same model."""
+    blades = coarse(mass_factor=(1.1,) * 3, stiffness_factor=(0.9,) * 3, pitch_offset=(0.01,) * 3)
+    point = replace(CASE.operating_point, pitch=0.01)
+    other = replace(coarse(), turbine=CASE.turbine.with_blade(1.1, 0.9), operating_point=point)
+    ours, theirs = build_model(blades), build_model(other)
+    assert ours.periodic is None
+    assert ours.hash == theirs.hash
+
+
+def test_heavy_blade_throws_the_tower_sideways_once_a_revolution():
+    """The steady answer to the imbalance: a force of the surplus mass times radius times speed squared."""
+    model = build_model(coarse(mass_factor=(1.0, 1.0, 1.02)))
+    steps = round(2.0 * np.pi / (CASE.rotor_speed * DT))
+    azimuth = CASE.rotor_speed * DT * np.arange(40 * steps)
+    y = simulate_periodic(model.turbine, model.periodic, np.zeros((len(azimuth), 7)), azimuth)
+    sway = y[-steps:, 7]
+    turning = 2.0 * np.abs(np.exp(-1j * azimuth[-steps:]) @ sway) / steps
+    assert turning == pytest.approx(np.sqrt(2.0) * sway.std(), rel=0.02)
+    # Blade: 17,740 kg with its centre 20.475 m from the root. Tower: one mode at 0.316 Hz with the top mass and a
+    # share of the tower's own.
+    force = 0.02 * 17740.0 * (20.475 + 1.5) * CASE.rotor_speed**2
+    own, natural = 2.0 * np.pi * 0.316, CASE.rotor_speed
+    mass = 240e3 + 56.78e3 + 3 * 17.74e3 + 0.24 * 347.46e3
+    assert turning == pytest.approx(force / mass / (own**2 - natural**2), rel=0.15)
+
+
+def test_unequal_blades_are_stable_by_floquet_and_agree_with_the_mean_where_they_hardly_differ(dead_flap):
+    multipliers = floquet_multipliers(dead_flap)
+    steps = round(2.0 * np.pi / (dead_flap.rotor_speed * dead_flap.time_step))
+    mean = np.abs(np.linalg.eigvals(dead_flap.turbine.A)).max() ** steps
+    assert np.abs(multipliers).max() == pytest.approx(mean, rel=1e-6)
+    assert np.abs(multipliers).max() < 1.0
+
+
+def test_periodic_part_survives_the_file_and_says_why_it_is_there(tmp_path, dead_flap):
+    save_model(dead_flap, tmp_path / "m.safetensors")
+    again = load_model(tmp_path / "m.safetensors")
+    assert again.hash == dead_flap.hash != load_model().hash
+    assert "flap_effectiveness 1, 1, 0" in again.form
+    ours, theirs = (system_at(m.turbine, m.periodic, 0.4) for m in (again, dead_flap))
+    np.testing.assert_array_equal(ours.B, theirs.B)
+
+
+def test_unequal_blades_are_not_reduced_once_more():
+    case = coarse(mass_factor=(1.0, 1.0, 1.02))
+    loose = replace(case, reduction=replace(case.reduction, coupled_tolerance=0.01))
+    with pytest.raises(ValueError, match=r"reduction\.coupled_tolerance: expected 0 % with unequal blades"):
+        build_model(loose)

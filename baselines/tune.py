@@ -1,4 +1,4 @@
-"""Tune PD, PID, individual flap control and LQG on a model and save them as agents: `python -m baselines.tune --help`."""
+"""Tune PD, PID, individual flap control and LQG on a model, save them as agents: `python -m baselines.tune --help`."""
 
 from __future__ import annotations
 

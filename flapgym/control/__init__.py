@@ -5,6 +5,7 @@ from flapgym.control.agent_files import AGENT_NAMES, agent_design, load_agent, m
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
 from flapgym.control.lqg import DesignModel, Weights, design_model, lqg_agent, synthesise, white_wind
+from flapgym.control.mpc import PredictiveController
 from flapgym.control.pd import PDGains, pd_agent
 from flapgym.control.pid import PIDGains, multiblade_pid_agent, pid_agent
 from flapgym.control.policy import Policy
@@ -19,6 +20,7 @@ __all__ = [
     "PDGains",
     "PIDGains",
     "Policy",
+    "PredictiveController",
     "RotorController",
     "Stability",
     "Weights",

@@ -74,6 +74,8 @@ class DesignModel:
         Units of the flap's angle, rate and acceleration [rad, rad/s, rad/s^2].
     rbm_rms : float
         Open-loop rms of the turbine model's root bending moment [MN m].
+    scale : (n,) float
+        What one unit of each scaled state is in the disturbance's and the plant's own states, in this order.
     """
 
     A: Array
@@ -89,6 +91,7 @@ class DesignModel:
     rate_limit: float
     acceleration_limit: float
     rbm_rms: float
+    scale: Array
 
 
 def design_model(
@@ -143,6 +146,7 @@ def design_model(
         rate_limit=model.flap_rate_limit,
         acceleration_limit=model.acceleration_limit,
         rbm_rms=model.rbm_rms / RBM_UNIT,
+        scale=scale,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control import Agent
+from flapgym.control import Agent, OpenLoop
 from flapgym.envs import FlapVectorEnv
 from flapgym.evaluation.metrics import Record
 
@@ -59,8 +59,13 @@ def simulate(
     kept = round(duration / model.time_step)
     pieces: dict[str, list[np.ndarray]] = {name: [] for name in _SAMPLES}
     observation, first = environment.reset(seed=list(seeds))
+    # Predictive controllers may be given the wind before it comes, as a lidar would.
+    preview = getattr(agent, "preview", 0)
+    coming = coming_wind(model, seeds, kept + preview) if preview else None
     state, start, done = None, np.ones(len(seeds), dtype=bool), 0
     while done < kept:
+        if coming is not None:
+            observation = np.hstack([observation, coming[:, done + 1 : done + 1 + preview]])
         action, state = agent.predict(observation, state, start)
         observation, _, terminated, truncated, info = environment.step(action)
         for name in _SAMPLES:
@@ -73,3 +78,8 @@ def simulate(
     environment.close()
     series = {name: np.concatenate(parts, axis=1)[:, :kept] for name, parts in pieces.items()}
     return Record(**series, azimuth=first["azimuth"], time_step=model.time_step)
+
+
+def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int) -> np.ndarray:
+    """Wind perturbation of each realisation (N, samples + 1) [m/s], which no agent changes."""
+    return simulate(OpenLoop(), model, seeds, (samples + 1) * model.time_step).wind

@@ -1,0 +1,128 @@
+"""What a predictive controller minimises over its horizon, condensed: offsets from the regulator's own law.
+
+The flap's acceleration is a_k = -K z_k + f_k + d_k with K the LQG's regulator, f_k its answer to wind that is known in
+advance and d_k the offsets. With the Riccati matrix as terminal cost the LQG's cost over an infinite horizon is then
+sum S d_k^2 and a constant (Kouvaritakis and Cannon 2016, the closed-loop paradigm): without an active stop the optimum
+is d = 0, the LQG itself, whatever the horizon and however the offsets are blocked. What is left to solve is the nearest
+point of a polytope.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flapgym.control.lqg import DesignModel, Weights, regulator_gain, with_actuator
+from flapgym.state_space import Array, StateSpace
+
+BLOCKS = (1, 1, 1, 1, 2, 2, 4, 4, 8, 8, 16, 16, 32, 32, 64)
+"""Steps over which each offset is held: 192 steps, 1.3 s."""
+EVERY = ((16, 1), (48, 4), (192, 8))
+"""Steps up to which the stops are asked for, and how often: each of the first sixteen, and so on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Horizon:
+    """The programme of one blade; angles, rates and accelerations are fractions of their limits.
+
+    With z = [x, angle, rate], x the design model's scaled states, and w the innovations of the wind known in advance:
+    minimise |d|^2 / 2 such that abs(from_state z + from_wind w + from_offsets d) <= 1.
+
+    Attributes
+    ----------
+    gain : (n + 2,) float
+        Regulator K.
+    preview_gain : (M,) float
+        Acceleration now per innovation known in advance: f_0.
+    first_offset : float
+        Acceleration now per unit of the first entry of d, which is scaled by the root of its block's length.
+    from_state, from_wind, from_offsets : (rows, n + 2), (rows, M), (rows, blocks) float
+        Predicted accelerations, angles and rates at the instants asked for.
+    """
+
+    gain: Array
+    preview_gain: Array
+    first_offset: float
+    from_state: Array
+    from_wind: Array
+    from_offsets: Array
+
+
+def condense(
+    design: DesignModel, weights: Weights, preview: int, blocks: tuple[int, ...] = BLOCKS
+) -> Horizon:
+    """The programme of a design model of one blade, with so many innovations of the wind known in advance."""
+    if design.channels.count != 1:
+        raise ValueError(
+            f"horizon: expected the design model of one blade, got {design.channels.count} flaps"
+        )
+    a, b, _ = with_actuator(design)
+    regulator, cost = regulator_gain(design, weights)
+    n, steps, gain = a.shape[0], sum(blocks), regulator[0]
+    closed = a - b @ regulator
+    curvature = weights.acceleration + float(b[:, 0] @ cost @ b[:, 0])
+    drive = np.concatenate([design.G[:, 0], np.zeros(2)])
+    # f_k = -B' sum_j (closed')^(j - k) P G w_j / S, the answer to innovations from k on.
+    answers, adjoint = np.empty(preview), cost @ drive
+    for lead in range(preview):
+        answers[lead] = -(b[:, 0] @ adjoint) / curvature
+        adjoint = closed.T @ adjoint
+
+    lengths = np.array(blocks)
+    owner = np.repeat(np.arange(lengths.size), lengths)
+    unit = 1.0 / np.sqrt(lengths)
+    # Sensitivities of the state to z, w and d side by side, marched over the horizon.
+    total = n + preview + lengths.size
+    state = np.hstack([np.eye(n), np.zeros((n, total - n))])
+    kept = _instants(steps)
+    rows = []
+    for k in range(steps):
+        own = np.zeros(total)
+        own[n + k : n + preview] = answers[: max(preview - k, 0)]
+        own[n + preview + owner[k]] = unit[owner[k]]
+        acceleration = own - gain @ state
+        state = a @ state + b * acceleration
+        if k < preview:
+            state[:, n + k] += drive
+        if k in kept:
+            rows += [acceleration, state[-2].copy(), state[-1].copy()]
+    table = np.array(rows)
+    return Horizon(
+        gain=gain,
+        preview_gain=answers,
+        first_offset=float(unit[0]),
+        from_state=table[:, :n],
+        from_wind=table[:, n : n + preview],
+        from_offsets=np.ascontiguousarray(table[:, n + preview :]),
+    )
+
+
+def _instants(steps: int) -> frozenset[int]:
+    instants, first = set(), 0
+    for last, every in EVERY:
+        instants |= set(range(first, min(last, steps), every))
+        first = last
+    return frozenset(instants | {steps - 1})
+
+
+def innovations(filter_: StateSpace, steps: int) -> tuple[Array, Array]:
+    """Innovations w_0.. of a filter without feedthrough from its state x_0 and its outputs y_1..y_M.
+
+    The filter is inverted exactly: y_k = C A^k x_0 + sum_{j < k} C A^(k - 1 - j) B w_j.
+
+    Returns
+    -------
+    from_output, from_state : (M, M), (M, n) float
+        w = from_output y + from_state x_0.
+    """
+    answer, free = np.empty(steps), np.empty((steps, filter_.order))
+    row = filter_.C[0]
+    for k in range(steps):
+        answer[k] = row @ filter_.B[:, 0]
+        row = row @ filter_.A
+        free[k] = row
+    lag = np.subtract.outer(np.arange(steps), np.arange(steps))
+    pulse = np.where(lag >= 0, answer[np.maximum(lag, 0)], 0.0) if steps else np.zeros((0, 0))
+    inverse = np.linalg.inv(pulse)
+    return np.asarray(inverse), np.asarray(-inverse @ free)

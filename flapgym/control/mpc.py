@@ -1,0 +1,168 @@
+"""Model predictive control that knows the flap's stops, on each blade; with or without a preview of the wind.
+
+While no stop is in sight it is the LQG of the same weights to rounding. Where one is, an active-set solver finds the
+nearest offsets that keep angle, rate and acceleration within their limits over the horizon (`flapgym.control.horizon`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.control.agent import BLADES, Array, Floats, by_blade
+from flapgym.control.blade_controller import CONTROLLER_INPUTS
+from flapgym.control.channels import BLADE
+from flapgym.control.horizon import BLOCKS, condense, innovations
+from flapgym.control.lqg import (
+    FILTER_ORDER,
+    DesignModel,
+    Weights,
+    design_model,
+    first_estimate,
+    synthesise,
+)
+from flapgym.state_space import StateSpace
+from flapgym.turbulence import von_karman_filter
+
+SOLVED = 1
+"""Exit flag of the solver: optimal."""
+TOLERANCE = 1e-9
+"""Of the solver, in fractions of the limits; the stops in sight are those exceeded by more."""
+
+
+def _solver(from_offsets: Array) -> Any:
+    """An active-set solver set up for the horizon; only its bounds change from step to step."""
+    try:
+        import daqp
+    except ImportError:
+        raise ImportError("predictive control needs the solver daqp: pip install flapgym[mpc]") from None
+    solver = daqp.Model()
+    solver.settings = {"primal_tol": TOLERANCE}
+    rows, blocks = from_offsets.shape
+    bound = np.ones(rows)
+    solver.setup(
+        np.eye(blocks), np.zeros(blocks), from_offsets, bound, -bound, np.zeros(rows, dtype=np.int32)
+    )
+    return solver
+
+
+class PredictiveController:
+    """Three constrained optima, one a blade, on the estimates of the LQG's own observer.
+
+    The flap is known exactly and the wind moves no stop, so a plan that keeps the flap within its stops leaves one that
+    does at the next step: braking. Where blocking or rounding leaves none all the same, the flap brakes.
+
+    Parameters
+    ----------
+    name : str
+        What tables call it.
+    model : TurbineModel
+        Its clamped blade and turbulence are the design model.
+    weights : Weights
+        Of the LQG it is without stops.
+    preview : int
+        Samples of the coming wind it is given at each step, of the next step first. They stand behind the observation,
+        in m/s; the runner gives them (`flapgym.evaluation.simulate`).
+    blocks : tuple of int
+        Steps for which each offset is held; their sum is the horizon.
+    """
+
+    observe: tuple[str, ...] = CONTROLLER_INPUTS
+    steps_per_action = 1
+
+    def __init__(
+        self,
+        name: str,
+        model: TurbineModel,
+        weights: Weights,
+        preview: int = 0,
+        blocks: tuple[int, ...] = BLOCKS,
+    ) -> None:
+        if preview < 0:
+            raise ValueError(f"agent {name}: preview: expected a number of steps >= 0, got {preview}")
+        self.name, self.model_hash, self.preview = name, model.hash, preview
+        design = design_model(model)
+        self._horizon = condense(design, weights, preview, blocks)
+        self._solver = _solver(self._horizon.from_offsets)
+        self._start = first_estimate(design, weights)
+        self._limit, self._time_step = model.acceleration_limit, model.time_step
+        self._order = design.A.shape[0]
+        self._product = self._one_product(model, design, weights)
+
+    def _one_product(self, model: TurbineModel, design: DesignModel, weights: Weights) -> Array:
+        """[estimate, measured, coming wind] times it is [next estimate, LQG's action, rows of the horizon]."""
+        h, observer, n = self._horizon, synthesise(design, weights), self._order
+        wind = von_karman_filter(
+            model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
+        )
+        output, state = innovations(wind, self.preview)
+        known = np.zeros((self.preview, n + 3 + self.preview))
+        known[:, : wind.order] = state * design.scale[: wind.order]
+        known[:, n + 3 :] = output
+        flap = np.zeros((n + 2, n + 3 + self.preview))
+        flap[:n, :n] = np.eye(n)
+        flap[n, n + 1], flap[n + 1, n + 2] = 1.0 / design.angle_limit, 1.0 / design.rate_limit
+        after = np.hstack([observer.A, observer.B, np.zeros((n, self.preview))])
+        if self.preview:
+            after += design.G @ known[:1]
+        action = h.preview_gain @ known - h.gain @ flap
+        rows = h.from_state @ flap + h.from_wind @ known
+        return np.ascontiguousarray(np.vstack([after, action, rows]).T)
+
+    @property
+    def unconstrained(self) -> StateSpace:
+        """The linear controller of a blade it is while no stop is in sight, the wind it is told being calm."""
+        n = self._order
+        table = self._product[: n + len(CONTROLLER_INPUTS), : n + 1].T
+        return StateSpace(
+            A=table[:n, :n],
+            B=table[:n, n:],
+            C=self._limit * table[n:, :n],
+            D=self._limit * table[n:, n:],
+            time_step=self._time_step,
+            inputs=BLADE.inputs,
+            outputs=BLADE.outputs,
+        )
+
+    def predict(
+        self,
+        observation: Floats,
+        state: Array | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Array | None]:
+        """Action (..., 3) and next estimates (..., 3, n) for an observation (..., 9 + preview)."""
+        values = np.asarray(observation, dtype=float)
+        signals = BLADES * len(self.observe)
+        if values.shape[-1] != signals + self.preview:
+            raise ValueError(
+                f"agent {self.name}: expected {signals} observations ({', '.join(self.observe)} of three blades) and "
+                f"{self.preview} samples of coming wind, got {values.shape[-1]}"
+            )
+        measured, coming = by_blade(values[..., :signals], self.observe), values[..., None, signals:]
+        batch, n = measured.shape[:-2], self._order
+        if state is None:
+            state = measured @ self._start.T
+        elif episode_start is not None and np.any(episode_start):
+            begins = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), batch or (1,))
+            state = np.where(begins.reshape(*batch, 1, 1), measured @ self._start.T, state)
+        coming = np.broadcast_to(coming, (*batch, BLADES, self.preview))
+        after = np.concatenate([state, measured, coming], axis=-1) @ self._product
+        action, rows = after[..., n], after[..., n + 1 :]
+        beyond = (np.abs(rows) > 1.0 + TOLERANCE).any(axis=-1)
+        for index in np.argwhere(beyond):
+            place = tuple(index)
+            action[place] = self._within(action[place], rows[place], measured[place][2])
+        return np.clip(action, -1.0, 1.0).astype(np.float32), after[..., :n]
+
+    def _within(self, action: float, rows: Array, rate: float) -> float:
+        """The optimal action of a blade with a stop in sight."""
+        self._solver.update(bupper=1.0 - rows, blower=-1.0 - rows)
+        offsets, _, flag, _ = self._solver.solve()
+        if flag != SOLVED:
+            # Nothing is feasible, which the flap's own motion never brings about: brake.
+            return float(np.clip(-rate / (self._limit * self._time_step), -1.0, 1.0))
+        return action + self._horizon.first_offset * float(offsets[0])

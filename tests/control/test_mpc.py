@@ -1,0 +1,216 @@
+"""Predictive control: the LQG where no stop is in sight, an independent optimum where one is; preview as knowledge."""
+
+import sys
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear, minimize
+
+from flapgym.control import PredictiveController, Weights, design_model, lqg_agent, stability
+from flapgym.control.horizon import condense, innovations
+from flapgym.control.lqg import regulator_gain, with_actuator
+from flapgym.evaluation import measure, simulate
+from flapgym.evaluation.simulate import coming_wind
+from flapgym.turbulence import von_karman_filter
+from tests.synthetic import synthetic_model
+
+MODEL = synthetic_model()
+GENTLE = Weights(0.05)
+FIERCE = Weights(30.0, 1.0, 1.0, 0.05)
+STEPS = 25
+ONES = (1,) * STEPS
+
+
+def _by_hand(design, weights, z, w):
+    """The finite-horizon problem in all accelerations u: cost |rows u - rights|^2, stops |bounds + limits u| <= 1.
+
+    Nothing of the regulator's law enters but its Riccati matrix as terminal cost.
+    """
+    a, b, c = with_actuator(design)
+    _, terminal = regulator_gain(design, weights)
+    n = a.shape[0]
+    drive = np.concatenate([design.G[:, 0], np.zeros(2)])
+    root = np.linalg.cholesky(terminal + 1e-12 * np.trace(terminal) * np.eye(n)).T
+    free, forced = z.copy(), np.zeros((n, STEPS))
+    rows, rights, limits, bounds = [], [], [], []
+    for k in range(STEPS):
+        for weight, row in ((weights.rbm, c[0]), (weights.flap_angle, np.eye(n)[-2])):
+            rows.append(np.sqrt(weight) * row @ forced)
+            rights.append(-np.sqrt(weight) * row @ free)
+        rows.append(np.sqrt(weights.acceleration) * np.eye(STEPS)[k])
+        rights.append(0.0)
+        free = a @ free + drive * (w[k] if k < w.size else 0.0)
+        forced = a @ forced
+        forced[:, k] += b[:, 0]
+        limits += [forced[-2], forced[-1]]
+        bounds += [free[-2], free[-1]]
+    rows, rights = np.vstack([np.array(rows), root @ forced]), np.concatenate([rights, -root @ free])
+    return rows, rights, np.array(limits), np.array(bounds)
+
+
+def _first_action(horizon, z, w):
+    import daqp
+
+    p = horizon.from_state @ z + horizon.from_wind @ w
+    blocks = horizon.from_offsets.shape[1]
+    d, _, flag, _ = daqp.solve(
+        np.eye(blocks),
+        np.zeros(blocks),
+        horizon.from_offsets,
+        1.0 - p,
+        -1.0 - p,
+        np.zeros(p.size, dtype=np.int32),
+    )
+    assert flag == 1
+    return -horizon.gain @ z + horizon.preview_gain @ w + horizon.first_offset * d[0], np.abs(d).max()
+
+
+def _case(preview, size, monkeypatch):
+    """A programme with every step's stops and offsets, and a state and coming wind to solve it for."""
+    monkeypatch.setattr("flapgym.control.horizon.EVERY", ((STEPS, 1),))
+    design = design_model(MODEL)
+    rng = np.random.default_rng(3)
+    z = size * np.concatenate([rng.standard_normal(design.A.shape[0]), [0.2, 0.15]])
+    return condense(design, FIERCE, preview, ONES), z, size * rng.standard_normal(preview), design
+
+
+@pytest.mark.parametrize("preview", [0, 10])
+def test_free_of_stops_the_optimum_written_out_is_the_regulators(preview, monkeypatch):
+    horizon, z, w, design = _case(preview, 0.02, monkeypatch)
+    rows, rights, _, _ = _by_hand(design, FIERCE, z, w)
+    action, offset = _first_action(horizon, z, w)
+    assert offset == 0.0
+    assert action == pytest.approx(np.linalg.lstsq(rows, rights)[0][0], rel=1e-6)
+
+
+@pytest.mark.parametrize("preview", [0, 10])
+def test_at_the_stops_the_condensed_optimum_is_the_one_written_out(preview, monkeypatch):
+    horizon, z, w, design = _case(preview, 1.5, monkeypatch)
+    rows, rights, limits, bounds = _by_hand(design, FIERCE, z, w)
+    solved = minimize(
+        lambda u: 0.5 * np.sum((rows @ u - rights) ** 2),
+        lsq_linear(rows, rights, (-1.0, 1.0)).x,
+        jac=lambda u: rows.T @ (rows @ u - rights),
+        bounds=[(-1.0, 1.0)] * STEPS,
+        constraints=[
+            {"type": "ineq", "fun": lambda u: 1.0 - bounds - limits @ u, "jac": lambda u: -limits},
+            {"type": "ineq", "fun": lambda u: 1.0 + bounds + limits @ u, "jac": lambda u: limits},
+        ],
+        method="SLSQP",
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    action, offset = _first_action(horizon, z, w)
+    assert offset > 0.1
+    assert action == pytest.approx(solved.x[0], abs=1e-4)
+
+
+def test_without_a_stop_in_sight_it_is_the_lqg_for_any_horizon_and_blocks():
+    """Actions pass as float32, which is what the tolerance is for."""
+    lqg = simulate(lqg_agent("lqg", MODEL, GENTLE), MODEL, range(3), 20.0)
+    assert np.abs(lqg.flap_angle).max() < 0.9 * MODEL.flap_angle_limit
+    for blocks in ((1, 1, 2, 4), (5, 20, 50)):
+        mpc = simulate(PredictiveController("mpc", MODEL, GENTLE, blocks=blocks), MODEL, range(3), 20.0)
+        np.testing.assert_allclose(mpc.flap_angle, lqg.flap_angle, atol=1e-6 * np.abs(lqg.flap_angle).max())
+
+
+def _march(agent, loads):
+    """Flap motion under random loads without any stop in the actuator, in fractions of the limits."""
+    dt, angle, rate, state, motion = MODEL.time_step, np.zeros(3), np.zeros(3), None, []
+    for load in loads:
+        action, state = agent.predict(np.concatenate([load, angle, rate]), state)
+        acceleration = action.astype(float) * MODEL.acceleration_limit
+        angle, rate = angle + dt * rate + 0.5 * dt**2 * acceleration, rate + dt * acceleration
+        motion.append(np.concatenate([angle / MODEL.flap_angle_limit, rate / MODEL.flap_rate_limit]))
+    return np.array(motion)
+
+
+def test_it_never_asks_the_flap_beyond_its_stops():
+    """Nothing holds this flap but the plan: the LQG of the same weights leaves its stops at once."""
+    rng = np.random.default_rng(0)
+    slow = np.cumsum(rng.standard_normal((1500, 3)), axis=0) * 0.1
+    motion = _march(PredictiveController("mpc", MODEL, FIERCE), slow)
+    assert np.abs(motion).max() <= 1.0 + 1e-5
+    assert np.abs(motion[:, :3]).max() > 0.999
+    assert np.abs(_march(lqg_agent("lqg", MODEL, FIERCE), slow)).max() > 1.5
+
+
+def test_a_flap_no_plan_can_keep_within_its_stops_is_braked():
+    agent = PredictiveController("mpc", MODEL, FIERCE)
+    lost = np.concatenate(
+        [np.zeros(3), [0.99 * MODEL.flap_angle_limit] * 3, [0.9 * MODEL.flap_rate_limit] * 3]
+    )
+    action, _ = agent.predict(lost)
+    np.testing.assert_array_equal(action, -1.0)
+
+
+def test_the_filter_is_inverted():
+    wind = von_karman_filter(11.0, 0.1, 147.0, MODEL.time_step, 3)
+    rng = np.random.default_rng(0)
+    white, start = rng.standard_normal((40, 1)), rng.standard_normal(3)
+    output = wind.simulate(np.vstack([white, np.zeros((1, 1))]), start)[1:, 0]
+    from_output, from_state = innovations(wind, 40)
+    np.testing.assert_allclose(from_output @ output + from_state @ start, white[:, 0], atol=1e-9)
+
+
+def test_preview_of_nothing_is_no_preview():
+    plain = PredictiveController("mpc", MODEL, FIERCE)
+    none = PredictiveController("mpc", MODEL, FIERCE, preview=0)
+    observation = np.random.default_rng(0).standard_normal((4, 9)).astype(np.float32) * 0.1
+    np.testing.assert_array_equal(none.predict(observation)[0], plain.predict(observation)[0])
+
+
+def test_preview_of_the_wind_that_is_expected_anyway_changes_nothing():
+    """The first sample tells the observer nothing new either, so a second step is the same too."""
+    plain, told = (PredictiveController("mpc", MODEL, FIERCE, preview) for preview in (0, 30))
+    wind = von_karman_filter(11.0, 0.1, 147.0, MODEL.time_step, 3)
+    scale = design_model(MODEL).scale[:3]
+    rng = np.random.default_rng(1)
+    state, same = None, None
+    for _ in range(3):
+        observation = 0.1 * rng.standard_normal(9)
+        observation[:9] = np.repeat(observation[:9:3], 3)
+        before = plain._start @ (observation[:9:3] * [1e6, 1.0, 1.0]) if state is None else state[0]
+        expected = wind.simulate(np.zeros((31, 1)), before[:3] * scale)[1:, 0]
+        action, state = plain.predict(observation, state)
+        aware, same = told.predict(np.concatenate([observation, expected]), same)
+        np.testing.assert_allclose(aware, action, atol=1e-5)
+
+
+def test_knowing_the_wind_before_it_comes_lowers_the_load():
+    seeds, ours = range(4), {}
+    for preview in (0, 15, 70):
+        agent = PredictiveController("mpc", MODEL, FIERCE, preview)
+        assert stability(MODEL, agent.unconstrained).spectral_radius < 1.0
+        ours[preview] = measure(simulate(agent, MODEL, seeds, 20.0)).rbm_rms.mean()
+    assert ours[70] < ours[15] < 0.98 * ours[0]
+
+
+def test_the_wind_told_is_the_wind_met():
+    record = simulate(lqg_agent("lqg", MODEL, GENTLE), MODEL, [5, 6], 3.0)
+    coming = coming_wind(MODEL, [5, 6], record.wind.shape[1])
+    np.testing.assert_allclose(coming[:, : record.wind.shape[1]], record.wind, atol=1e-9)
+
+
+def test_a_batch_gives_what_each_entry_gives_alone():
+    agent = PredictiveController("mpc", MODEL, FIERCE)
+    observations = np.random.default_rng(0).standard_normal((6, 4, 9)) * np.repeat([2.0, 0.1, 0.1], 3)
+    state, alone = None, None
+    for observation in observations:
+        action, state = agent.predict(observation, state)
+        single, alone = agent.predict(observation[2], alone)
+        np.testing.assert_allclose(action[2], single, atol=1e-6)
+
+
+def test_bad_input_is_refused_by_name():
+    with pytest.raises(ValueError, match="preview: expected a number of steps >= 0"):
+        PredictiveController("mpc", MODEL, FIERCE, preview=-1)
+    with pytest.raises(ValueError, match="9 observations.*and 5 samples of coming wind, got 9"):
+        PredictiveController("mpc", MODEL, FIERCE, preview=5).predict(np.zeros(9))
+    with pytest.raises(ValueError, match="design model of one blade"):
+        condense(design_model(MODEL, MODEL.turbine), FIERCE, 0)
+
+
+def test_without_its_solver_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "daqp", None)
+    with pytest.raises(ImportError, match=r"pip install flapgym\[mpc\]"):
+        PredictiveController("mpc", MODEL, FIERCE)

@@ -17,6 +17,9 @@ from flapgym.state_space import Array
 from flapgym.structure import LinearBlade, LinearSupport
 from flapgym.turbine import Case
 
+# In-plane axis of the coned, untwisted blade root, about which a load downwind turns positively.
+FLAPWISE = np.array([0.0, 1.0, 0.0])
+
 
 @dataclass(frozen=True, eq=False)
 class Parts:
@@ -44,16 +47,11 @@ class Parts:
 
 def turbine_equations(parts: Parts) -> Equations:
     """The whole turbine in multi-blade coordinates."""
-    lattice, speed, m = parts.lattice, parts.case.rotor_speed, parts.lattice.modes
-    hub = hub_components()
+    lattice, m = parts.lattice, parts.lattice.modes
     modal_support, support_shape = modal_support_matrices(parts)
-    t = support_shape.shape[1]
-    components = np.zeros((3, m + 6, 3 * m + t))
-    for i in range(3):
-        components[i, :m, i * m : (i + 1) * m] = np.eye(m)
-        components[i, m:, 3 * m :] = hub[i] @ parts.support.hub @ support_shape
     own = modal_blade_matrices(parts)
-    structure, rate, acceleration = turbine_structure(own, modal_support, components, speed)
+    components = blade_components(parts, support_shape)
+    structure, rate, acceleration = turbine_structure(own, modal_support, components, parts.case.rotor_speed)
     T = components.reshape(-1, structure.mass.shape[0])
 
     held, moving = lattice.motion_inputs
@@ -70,24 +68,46 @@ def turbine_equations(parts: Parts) -> Equations:
             ]
         ),
     )
-    root = np.kron(three, root_moment(parts.blade, m))
-    mass, damping, stiffness = (np.kron(three, matrix) for matrix in own)
+    root = root_moment(parts.blade, m)
+    moment = summed_load(root, own, T, rate, acceleration)
     tip = np.kron(three, tip_deflection(parts.case, parts.shape))
     tower = (parts.support.tower_top @ support_shape)[:2]
     quiet = np.zeros((5, T.shape[1]))
     output = Output(
-        acceleration=np.vstack([-root @ mass @ T, quiet]),
-        velocity=np.vstack([-root @ (mass @ acceleration[0] + damping @ T), quiet]),
-        position=np.vstack(
-            [
-                -root @ (mass @ acceleration[1] + damping @ rate + stiffness @ T),
-                tip @ T,
-                np.hstack([np.zeros((2, 3 * m)), tower]),
-            ]
-        ),
-        load=np.vstack([root, np.zeros((5, root.shape[1]))]),
+        acceleration=np.vstack([moment.acceleration, quiet]),
+        velocity=np.vstack([moment.velocity, quiet]),
+        position=np.vstack([moment.position, tip @ T, np.hstack([np.zeros((2, 3 * m)), tower])]),
+        load=np.vstack([moment.load, np.zeros((5, moment.load.shape[1]))]),
     )
     return Equations(structure, lattice_input, output, TURBINE_INPUTS, TURBINE_OUTPUTS)
+
+
+def blade_components(parts: Parts, support_shape: Array) -> Array:
+    """Multi-blade components (3, m + 6, nd) of a blade's modes and hub motion per unit of (a_0, a_c, a_s, x_t)."""
+    hub, m = hub_components(), parts.lattice.modes
+    components = np.zeros((3, m + 6, 3 * m + support_shape.shape[1]))
+    for i in range(3):
+        components[i, :m, i * m : (i + 1) * m] = np.eye(m)
+        components[i, m:, 3 * m :] = hub[i] @ parts.support.hub @ support_shape
+    return components
+
+
+def summed_load(
+    row: Array, own: tuple[Array, Array, Array], T: Array, rate: Array, acceleration: Array
+) -> Output:
+    """Air's load less inertia on each blade, taken out by a row (1, m + 6), in multi-blade components.
+
+    ``own`` are the blade's matrices, T, ``rate`` and ``acceleration`` those of ``turbine_structure``.
+    """
+    three = np.eye(3)
+    rows = np.kron(three, row)
+    mass, damping, stiffness = (np.kron(three, matrix) for matrix in own)
+    return Output(
+        acceleration=-rows @ mass @ T,
+        velocity=-rows @ (mass @ acceleration[0] + damping @ T),
+        position=-rows @ (mass @ acceleration[1] + damping @ rate + stiffness @ T),
+        load=rows,
+    )
 
 
 def blade_equations(parts: Parts) -> Equations:
@@ -212,15 +232,13 @@ def modal_support_matrices(parts: Parts) -> tuple[tuple[Array, Array, Array], Ar
     return (mass, damping + modal, stiffness), shape
 
 
-def root_moment(blade: LinearBlade, modes: int) -> Array:
-    """Row (1, m + 6) that takes the flapwise root moment out of loads on (modes, hub apex).
+def root_moment(blade: LinearBlade, modes: int, axis: Array = FLAPWISE) -> Array:
+    """Row (1, m + 6) that takes the root moment about an axis (3,) in S out of loads on (modes, hub apex).
 
-    Force summation: load minus inertia, moved from the apex to the root node, about the in-plane axis y of the
-    coned, untwisted blade.
+    Force summation: load minus inertia, moved from the apex to the root node.
     """
-    x, _, z = blade.position[0]
     row = np.zeros((1, modes + 6))
-    row[0, modes:] = [-z, 0.0, x, 0.0, 1.0, 0.0]  # M_y - (r x F)_y, (r x F)_y = z F_x - x F_z
+    row[0, modes:] = [*np.cross(blade.position[0], axis), *axis]  # a . (M - r x F) = a . M + (r x a) . F
     return row
 
 

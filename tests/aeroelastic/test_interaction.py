@@ -98,17 +98,18 @@ def test_tilting_the_rotor_is_seen_as_wind_from_below(aero):
     np.testing.assert_allclose(hub_turn_downwash(aero, speed)[:, 1], speed * aero.normal[:, 2], atol=1e-12)
 
 
-def test_force_summation_is_the_finite_element_root_reaction(blade):
+@pytest.mark.parametrize("axis", [np.eye(3)[1], np.array([0.999, 0.0, 0.0436])], ids=["flap", "edge"])
+def test_force_summation_is_the_finite_element_root_reaction(blade, axis):
     """For any motion: load minus inertia, moved to the root, equals what the clamp must bear."""
     q, v, a = RNG.standard_normal((3, 72))
     load = blade.mass @ a + blade.damping @ v + blade.stiffness @ q
     on_apex = rigid_nodes(blade).T @ load
     inertia = blade.mass_rs @ a + blade.damping_rs @ v + blade.stiffness_rs @ q
-    summed = root_moment(blade, 0) @ (on_apex - inertia)
+    summed = root_moment(blade, 0, axis) @ (on_apex - inertia)
     # The loads stand at displaced nodes only in second order, so the linear sum leaves the steady
     # centrifugal force's moment over the displacement to the stiffness terms on both sides.
     reaction = blade.root_mass @ a + blade.root_damping @ v + blade.root_stiffness @ q
-    assert summed[0] == pytest.approx(-reaction[4], rel=1e-9)
+    assert summed[0] == pytest.approx(-axis @ reaction[3:], rel=1e-9)
 
 
 def test_root_moment_row_is_the_lattice_s_own_moment_about_the_root(blade, aero):

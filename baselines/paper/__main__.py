@@ -1,7 +1,7 @@
 """The paper's Section IV beside ours, in one report: `python -m baselines.paper [PART ...]`.
 
-Writes paper.md, paper.html and the figures. Finished parts lie in the folder `parts` beside them and are not computed
-again; an interrupted run goes on where it was. All parts take about half an hour on an idle core.
+Writes paper.md and paper.html, and the figures into the folder `paper` beside them. Finished parts lie in its folder
+`parts` and are not computed again; an interrupted run goes on where it was.
 """
 
 from __future__ import annotations
@@ -9,30 +9,48 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
-from baselines.paper import figures
+from baselines.paper.aerodynamics_sections import figure_8, figure_12
 from baselines.paper.cache import Cache
-from baselines.paper.control_sections import gust_alleviation, robustness
+from baselines.paper.control_sections import LABELS, gust_alleviation, robustness
 from baselines.paper.controllers import VARIANTS, Controllers, Plants
 from baselines.paper.document import Section, Table, as_html, as_markdown
+from baselines.paper.effects import effects_of, effects_section, measure_effects
+from baselines.paper.models import built, unscaled_flap
+from baselines.paper.readings import reading, readings_section
 from baselines.paper.robustness import sensitivity
-from baselines.paper.scores import metrics, score
+from baselines.paper.scores import Trial, first, measured, metrics_of, score
+from baselines.paper.structure_sections import figure_9, table_1, table_2
+from baselines.paper.trials import AGENTS, SHARE, conditions, outcome, trials_section
+from baselines.paper.trials import REALISATIONS as TRIALS
+from baselines.paper.turbine_sections import figure_15, turbine_figures
 from baselines.settings import load_tuning
 from baselines.tune import CONFIG
 from flapgym.aeroelastic.model import TurbineModel, load_model
+from flapgym.aeroelastic.study import study_turbine
 from flapgym.atomic import write_atomically
-from flapgym.control import OpenLoop
-from flapgym.evaluation import writable_folder
-from flapgym.evaluation.compare import PAPER_LENGTH
+from flapgym.control import Agent, OpenLoop, load_agent
+from flapgym.evaluation import Record, measure, writable_folder
+from flapgym.evaluation.compare import PAPER_LENGTH, PAPER_REALISATIONS
+from flapgym.state_space import Array, StateSpace
 from flapgym.turbine import load_case
 
 TITLE = "Load alleviation on the NREL 5 MW turbine: Section IV of the paper beside ours"
 REALISATIONS = 50
 ROBUST = ("lqg", "lqg_unfiltered", "lqg_moving_root", "lqg_multiblade", "pd", "lqg_saturating")
+BESIDE = {
+    "pid": "PID, same rule",
+    "individual_flap": "collective, tilt and yaw PID",
+    "ppo": "PPO, trained",
+    "sac": "SAC, trained",
+}
+"""Shipped agents beside those of Section IV.C, and what tables call them."""
 QUICK = {"lqg", "lqg_unfiltered_same", "pd"}
 """Controllers of a quick run: none of them is tuned or needs the turbine's parts."""
 QUICK_DURATION = 20.0
@@ -53,7 +71,8 @@ class Study:
 
     def __init__(self, model: TurbineModel, folder: Path, realisations: int, quick: bool, bar: tqdm) -> None:
         self.model, self.folder, self.case = model, folder, load_case(model.name)
-        self.cache = Cache(folder / "parts", model.hash)
+        self.parts = folder / "parts"
+        self.cache = Cache(self.parts, model.hash)
         self.duration = QUICK_DURATION if quick else PAPER_LENGTH * model.length_scale / model.wind_speed
         self.realisations = 2 if quick else realisations
         self.bar = bar
@@ -68,21 +87,69 @@ class Study:
             self.told,
         )
 
+    @cached_property
+    def study_turbine(self) -> StateSpace:
+        """The turbine with edgewise root moments and the tower's base among its outputs."""
+        return self.cache.system(
+            "study_turbine", {"case": self.case.hash()}, lambda: study_turbine(self.case)
+        )
+
     def told(self, what: str) -> None:
         """Show what a long part is at."""
         self.bar.set_postfix_str(what)
 
     def gust_alleviation(self) -> Section:
         """Section IV.C."""
-        open_loop = self._metrics(OpenLoop())
-        scores = {
-            name: score(self._metrics(self.controllers.agent(name)), open_loop, self.model)
-            for name in self.names
-        }
-        return gust_alleviation(scores, self.realisations, self.duration)
+        metrics = {name: metrics_of(self._measured(self.controllers.agent(name))) for name in self.names}
+        open_loop = metrics_of(self._measured(OpenLoop()))
+        scores = {name: score(each, open_loop, metrics["lqg"], self.model) for name, each in metrics.items()}
+        base, reference = (first(each, PAPER_REALISATIONS) for each in (metrics["lqg"], open_loop))
+        few = score(base, reference, base, self.model)
+        return gust_alleviation(scores, few.changes, self.realisations, self.duration)
 
-    def _metrics(self, agent: Any) -> Any:
-        return metrics(agent, self.model, self.realisations, self.duration, self.cache, self.told)
+    def readings(self) -> Section:
+        """The base case with the lattice's own flap, and tuned on what it is scored on."""
+        flaps = {"scaled": self.model, "unscaled": built(unscaled_flap(self.case), self.parts, self.told)}
+        trial = Trial("reading", self.realisations, self.duration)
+        found = [
+            reading(flap, own, model, self.controllers.tuning, trial, self.cache, self.told)
+            for flap, model in flaps.items()
+            for own in (False, True)
+        ]
+        return readings_section(found, self.realisations)
+
+    def effects(self) -> Section:
+        """Tower, edgewise motion and duty, of the learned agents too."""
+        agents: dict[str, Agent] = {name: self.controllers.agent(name) for name in self.names}
+        agents |= {name: load_agent(name, self.model) for name in BESIDE}
+        found = {name: effects_of(self._measured(agent)) for name, agent in agents.items()}
+        labels = LABELS | BESIDE
+        return effects_section(found, labels, effects_of(self._measured(OpenLoop())), self.realisations)
+
+    def _measured(self, agent: Agent) -> dict[str, Array]:
+        """Metrics and side effects of an agent, from one simulation."""
+
+        def take(record: Record) -> dict[str, Array]:
+            effects = measure_effects(record, self.study_turbine, self.model.rotor_speed)
+            return asdict(measure(record)) | {
+                f"effect_{key}": value for key, value in asdict(effects).items()
+            }
+
+        trial = Trial("score", self.realisations, self.duration)
+        return measured(agent, self.model, trial, self.cache, self.told, take)
+
+    def trials(self) -> Section:
+        """The shipped agents where they were not made for."""
+        trial = Trial("trial", TRIALS, SHARE * self.duration)
+        agents = {name: load_agent(name, self.model) for name in AGENTS}
+        found = {}
+        for condition in conditions(self.model, self.case, self.parts, self.told):
+            self.told(condition.label)
+            found[condition.label] = {
+                name: outcome(agent, condition, trial, self.cache, self.told)
+                for name, agent in agents.items()
+            }
+        return trials_section(found, trial)
 
     def robustness(self) -> Section:
         """Sensitivities and margins."""
@@ -96,36 +163,53 @@ class Study:
 
     def table1(self) -> Section:
         """Natural frequencies."""
-        return figures.table_1(self.case, self.cache)
+        return table_1(self.case, self.cache)
+
+    def table2(self) -> Section:
+        """Blade properties."""
+        return table_2(self.case, self.cache)
 
     def figure8(self) -> Section:
         """Impulsive gust."""
-        return figures.figure_8(self.case, self.folder, self.cache)
+        return figure_8(self.case, self.folder, self.cache)
+
+    def figure9(self) -> Section:
+        """Mode shapes."""
+        return figure_9(self.case, self.folder, self.cache)
 
     def figure12(self) -> Section:
         """Hankel singular values."""
-        return figures.figure_12(self.case, self.folder, self.cache)
+        return figure_12(self.case, self.folder, self.cache)
 
     def turbine(self) -> Section:
         """Responses of the turbine."""
-        return figures.turbine_figures(self.case, self.folder, self.cache, self.told)
+        return turbine_figures(self.case, self.model, self.folder, self.cache, self.told)
 
     def figure15(self) -> Section:
         """Time series."""
-        return figures.figure_15(self.model, self.folder, self.cache, self.duration)
+        return figure_15(self.model, self.folder, self.cache, self.duration)
 
 
 PARTS: dict[str, Callable[[Study], Section]] = {
-    "gust_alleviation": Study.gust_alleviation,
-    "robustness": Study.robustness,
     "table1": Study.table1,
+    "table2": Study.table2,
     "figure8": Study.figure8,
-    "figure12": Study.figure12,
+    "figure9": Study.figure9,
     "turbine": Study.turbine,
+    "figure12": Study.figure12,
+    "gust_alleviation": Study.gust_alleviation,
+    "readings": Study.readings,
     "figure15": Study.figure15,
+    "effects": Study.effects,
+    "robustness": Study.robustness,
+    "trials": Study.trials,
 }
-LONG = ("figure8", "figure12", "turbine")
+"""In the order of the report: the paper's own, then what goes beyond."""
+LONG = ("figure8", "turbine", "figure12", "readings", "trials")
 """Left out of a quick run."""
+
+
+ANGLES = {"pitch": "deg", "angle_limit": "deg", "rate_limit": "deg/s", "acceleration_limit": "deg/s^2"}
 
 
 def parameters(model: TurbineModel) -> Section:
@@ -133,11 +217,14 @@ def parameters(model: TurbineModel) -> Section:
     rows = []
     for group in ("operating_point", "discretisation", "flap", "reduction", "turbulence"):
         for name, value in model.case[group].items():
-            rows.append((f"{group}.{name}", f"{value:.6g}" if isinstance(value, float) else str(value)))
+            angle = isinstance(value, float) and name in ANGLES
+            shown = np.rad2deg(value) if angle else value
+            number = f"{shown:.6g}" if isinstance(value, float) else str(value)
+            rows.append((f"{group}.{name}", f"{number} {ANGLES[name]}" if angle else number))
     return Section(
         "Case",
         (
-            f"Model {model.name}, hash {model.hash[:16]}; SI units and radians.",
+            f"Model {model.name}, hash {model.hash[:16]}; SI units where none is given.",
             Table(("parameter", "value"), tuple(rows)),
         ),
     )
@@ -153,7 +240,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ValueError(f"{unknown[0]}: unknown part; expected some of {', '.join(PARTS)}")
         if options.realisations < 2:
             raise ValueError(f"realisations: expected at least 2, got {options.realisations}")
-        model, folder = load_model(options.model), writable_folder(options.output)
+        model, output = load_model(options.model), writable_folder(options.output)
+        folder = writable_folder(output / "paper")
         with tqdm(total=len(names), unit=" parts") as bar:
             study = Study(model, folder, options.realisations, options.quick, bar)
             sections = [parameters(model)]
@@ -164,9 +252,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"baselines.paper: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    write_atomically(folder / "paper.md", as_markdown(TITLE, sections, folder).encode())
-    write_atomically(folder / "paper.html", as_html(TITLE, sections).encode())
-    print(f"wrote {folder / 'paper.md'} and {folder / 'paper.html'}")
+    except KeyboardInterrupt:
+        print(
+            "baselines.paper: interrupted; what is finished is kept, run it again to go on", file=sys.stderr
+        )
+        return 130
+    write_atomically(output / "paper.md", as_markdown(TITLE, sections, output).encode())
+    write_atomically(output / "paper.html", as_html(TITLE, sections).encode())
+    print(f"wrote {output / 'paper.md'} and {output / 'paper.html'}")
     return 0
 
 
@@ -184,7 +277,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--quick", action="store_true", help="a trial run of under a minute")
     parser.add_argument(
-        "--output", type=Path, default=Path("results/paper"), help="folder for report and figures"
+        "--output", type=Path, default=Path("results"), help="folder for the report (default: %(default)s)"
     )
     return parser
 

@@ -16,7 +16,7 @@ from flapgym.state_space import Array, StateSpace
 
 Arrays = Mapping[str, Array]
 
-VERSION = 1
+VERSION = 2
 """Raised when what a part computes changes though its settings do not."""
 
 

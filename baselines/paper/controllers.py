@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -41,6 +41,9 @@ FROZEN_AZIMUTH = 0.0
 """Of the frozen design model [rad]: blade 1 up."""
 SWAY_FREQUENCY, SWAY_DAMPING = 0.32, 0.08
 """Of the root's motion [Hz], [-]: the first tower fore-aft mode with the rotor's damping."""
+
+START = 1.0 / 3.0
+"""Of the base case's weight on the moment: where the search for another design's begins."""
 
 
 @dataclass(frozen=True)
@@ -166,13 +169,23 @@ class Controllers:
     advanced: Callable[[str], None]
 
     def agent(self, name: str) -> LinearController:
-        """The agent of a variant."""
+        """The agent of a variant, made once."""
+        if name not in self._agents:
+            self._agents[name] = self._made(name)
+        return self._agents[name]
+
+    def _made(self, name: str) -> LinearController:
         if name in SHIPPED:
             return loaded(name, self.model)
         base = shipped_weights(self.model)
         if name == "lqg_unfiltered_same":
             return self._lqg(name, base.rbm)
-        settings = {"base": asdict(base), "tuning": asdict(self.tuning), "duration": self.duration}
+        settings = {
+            "base": asdict(base),
+            "first": self.tuning.seed,
+            "count": self.tuning.realisations,
+            "duration": self.duration,
+        }
         found = self.cache.arrays(f"weight-{name}", settings, lambda: {"rbm": self._tuned(name)})
         return self._lqg(name, float(found["rbm"]))
 
@@ -182,7 +195,9 @@ class Controllers:
         bench = Bench(
             self.model, self.tuning, self.duration, self.advanced, self.plants.frozen if in_blades else None
         )
-        weight = meet_the_stops(bench, lambda rbm: self._lqg(name, rbm), 1e-2)
+        # The search comes back to the weights it began with; a design on the whole turbine takes seconds.
+        design = cache(lambda rbm: self._lqg(name, rbm))
+        weight = meet_the_stops(bench, design, START * shipped_weights(self.model).rbm)
         if weight is None:
             raise ValueError(f"{name}: the loop turns unstable before the flap reaches its stop")
         return np.asarray(weight)
@@ -202,6 +217,7 @@ class Controllers:
         return self._known[name]
 
     _known: dict[str, DesignModel] = field(default_factory=dict, init=False, repr=False)
+    _agents: dict[str, LinearController] = field(default_factory=dict, init=False, repr=False)
 
     def _design(self, name: str) -> DesignModel:
         model = self.model

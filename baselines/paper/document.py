@@ -7,6 +7,8 @@ import html
 from dataclasses import dataclass
 from pathlib import Path
 
+from flapgym.evaluation import Estimate
+
 STYLE = """
 body { font: 16px/1.5 Georgia, serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
 table { border-collapse: collapse; margin: 1rem 0; font-size: 0.85rem; }
@@ -83,6 +85,13 @@ def as_html(title: str, sections: list[Section]) -> str:
         + "\n".join(body)
         + "\n</body></html>\n"
     )
+
+
+def percent(change: Estimate) -> str:
+    """A change in percent with its interval, if it has one."""
+    if change.low is None or change.high is None:
+        return f"{100 * change.mean:+.1f}"
+    return f"{100 * change.mean:+.1f} [{100 * change.low:+.1f}, {100 * change.high:+.1f}]"
 
 
 def _table(table: Table) -> str:

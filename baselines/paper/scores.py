@@ -2,21 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
+from scipy.stats import bootstrap
 
 from baselines.paper.cache import Cache, fingerprint
+from baselines.paper.late import LatePolicy
 from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control import OpenLoop
-from flapgym.evaluation import SCORED_SEED, Estimate, Metrics, measure, paired_change, simulate
+from flapgym.control import Agent, Policy
+from flapgym.evaluation import SCORED_SEED, Estimate, Metrics, Record, paired_change, simulate
+from flapgym.evaluation.bootstrap import CONFIDENCE, SMALLEST_CORRECTED
+from flapgym.state_space import Array
 
 BATCH = 25
 """Realisations simulated side by side; 0.3 GB."""
 
 CHANGES = {"rbm_rms": "RBM rms", "tip_rms": "tip rms", "rbm_del": "RBM DEL", "tower_rms": "tower rms"}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Realisations to run an agent on.
+
+    Attributes
+    ----------
+    name : str
+        Begins the names of its files in the cache.
+    realisations : int
+    duration : float
+        Of each [s].
+    settings : mapping
+        Further keywords of the environment.
+    """
+
+    name: str
+    realisations: int
+    duration: float
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -33,6 +59,8 @@ class Score:
         Share of the realisations in which a flap meets the stop of its angle.
     flap_rate_max, flap_travel : float
         Largest rate, and path of a flap per second [rad/s].
+    against_base : Estimate
+        How much more the RBM rms falls than in the base case, a fraction of its fall; negative is worse.
     """
 
     changes: dict[str, Estimate]
@@ -40,6 +68,7 @@ class Score:
     touching: float
     flap_rate_max: float
     flap_travel: float
+    against_base: Estimate
 
 
 def batches(realisations: int) -> list[range]:
@@ -48,34 +77,52 @@ def batches(realisations: int) -> list[range]:
     return [range(first, min(first + BATCH, last)) for first in range(SCORED_SEED, last, BATCH)]
 
 
-def metrics(
-    agent: LinearController | OpenLoop,
+def measured(
+    agent: Agent,
     model: TurbineModel,
-    realisations: int,
-    duration: float,
+    trial: Trial,
     cache: Cache,
     advanced: Callable[[str], None],
-) -> Metrics:
-    """Metrics of an agent on so many realisations of a duration [s]; `advanced` is told of every batch."""
-    mark = "open" if isinstance(agent, OpenLoop) else fingerprint(agent.system.A, agent.system.B, agent.system.C,
-                                                                  agent.system.D, agent.start)  # fmt: skip
+    take: Callable[[Record], Mapping[str, Array]],
+) -> dict[str, Array]:
+    """What `take` finds in the records of an agent, all realisations joined; `advanced` is told of every batch."""
     parts = []
-    for seeds in batches(realisations):
-        settings = {"agent": mark, "first": seeds[0], "count": len(seeds), "duration": duration}
+    for seeds in batches(trial.realisations):
+        settings = {
+            "agent": mark(agent),
+            "model": model.hash,
+            "first": seeds[0],
+            "count": len(seeds),
+            "duration": trial.duration,
+            "settings": dict(trial.settings),
+        }
 
-        def make(seeds: Sequence[int] = seeds) -> dict[str, np.ndarray]:
-            found = measure(simulate(agent, model, seeds, duration))
-            return {each.name: getattr(found, each.name) for each in fields(Metrics)}
+        def make(seeds: Sequence[int] = seeds) -> Mapping[str, Array]:
+            return take(simulate(agent, model, seeds, trial.duration, **trial.settings))
 
-        parts.append(cache.arrays(f"score-{agent.name}", settings, make))
+        parts.append(cache.arrays(f"{trial.name}-{agent.name}", settings, make))
         advanced(agent.name)
-    return Metrics(
-        **{each.name: np.concatenate([part[each.name] for part in parts]) for each in fields(Metrics)}
-    )
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def score(ours: Metrics, open_loop: Metrics, model: TurbineModel) -> Score:
-    """The agent's score."""
+def mark(agent: Agent) -> str:
+    """Short hash of what an agent does."""
+    if isinstance(agent, LinearController):
+        return fingerprint(agent.system.A, agent.system.B, agent.system.C, agent.system.D, agent.start)
+    if isinstance(agent, Policy):
+        return fingerprint(agent.offset, agent.scale, *agent.weights, *agent.biases)
+    if isinstance(agent, LatePolicy):
+        return f"{mark(agent.policy)} {agent.steps} late"
+    return agent.name
+
+
+def metrics_of(found: Mapping[str, Array]) -> Metrics:
+    """The metrics among arrays by name."""
+    return Metrics(**{each.name: found[each.name] for each in fields(Metrics)})
+
+
+def score(ours: Metrics, open_loop: Metrics, base: Metrics, model: TurbineModel) -> Score:
+    """The agent's score beside open loop and the base case on the same realisations."""
     stop = model.flap_angle_limit * (1.0 - 1e-6)
     return Score(
         changes={name: paired_change(getattr(ours, name), getattr(open_loop, name)) for name in CHANGES},
@@ -83,4 +130,31 @@ def score(ours: Metrics, open_loop: Metrics, model: TurbineModel) -> Score:
         touching=float((ours.flap_angle_max >= stop).mean()),
         flap_rate_max=float(ours.flap_rate_max.max()),
         flap_travel=float(ours.flap_travel.mean()),
+        against_base=against(ours, base, open_loop),
     )
+
+
+def against(ours: Metrics, base: Metrics, open_loop: Metrics) -> Estimate:
+    """How much more the RBM rms falls than in the base case, with the paired bootstrap interval of that ratio."""
+
+    def ratio(fall: Array, of: Array, axis: int = -1) -> Array:
+        return np.asarray(fall.mean(axis=axis) / of.mean(axis=axis) - 1.0)
+
+    falls = tuple(1.0 - (each.rbm_rms / open_loop.rbm_rms).mean(axis=1) for each in (ours, base))
+    mean = float(ratio(*falls))
+    if np.ptp(falls[0] / falls[1]) <= 1e-12:
+        return Estimate(mean, mean, mean)
+    found = bootstrap(
+        falls,
+        ratio,
+        paired=True,
+        confidence_level=CONFIDENCE,
+        method="BCa" if len(falls[0]) >= SMALLEST_CORRECTED else "percentile",
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return Estimate(mean, float(found.low), float(found.high))
+
+
+def first(metrics: Metrics, realisations: int) -> Metrics:
+    """The metrics of the first realisations alone."""
+    return Metrics(**{each.name: getattr(metrics, each.name)[:realisations] for each in fields(Metrics)})

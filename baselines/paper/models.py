@@ -1,0 +1,53 @@
+"""The turbine with one thing changed, built once and kept: what the robustness study flies the shipped designs on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from flapgym.aeroelastic.build import build_model
+from flapgym.aeroelastic.model import TurbineModel, load_model, save_model
+from flapgym.turbine import Case
+
+BUILD = 1
+"""Raised when a case builds another model than it did, so that kept ones are not found."""
+
+
+def heavier(case: Case, factor: float) -> Case:
+    """Blades of so many times the mass and inertia."""
+    return replace(case, turbine=case.turbine.with_blade(factor, 1.0))
+
+
+def stiffer(case: Case, factor: float) -> Case:
+    """Blades of so many times the stiffness, in bending, torsion and tension."""
+    return replace(case, turbine=case.turbine.with_blade(1.0, factor))
+
+
+def windier(case: Case, speed: float) -> Case:
+    """Another mean wind [m/s] below rated: tip-speed ratio and pitch stay, so the rotor turns in proportion."""
+    return replace(case, operating_point=replace(case.operating_point, wind_speed=speed))
+
+
+def unscaled_flap(case: Case) -> Case:
+    """The lattice's own flap, 0.89 of thin-aerofoil theory's: what the paper most likely had."""
+    return replace(case, flap=replace(case.flap, effectiveness=1.0))
+
+
+VARIATIONS: dict[str, Callable[[Case], Case]] = {
+    "blade mass -10 %": lambda case: heavier(case, 0.9),
+    "blade mass +10 %": lambda case: heavier(case, 1.1),
+    "blade stiffness -10 %": lambda case: stiffer(case, 0.9),
+    "blade stiffness +10 %": lambda case: stiffer(case, 1.1),
+    "wind 8 m/s": lambda case: windier(case, 8.0),
+    "wind 9 m/s": lambda case: windier(case, 9.0),
+    "wind 10 m/s": lambda case: windier(case, 10.0),
+}
+
+
+def built(case: Case, folder: Path, tell: Callable[[str], None]) -> TurbineModel:
+    """The model of a case, from `folder` if it was built there before."""
+    path = folder / f"model-{BUILD}-{case.hash()[:16]}.safetensors"
+    if not path.is_file():
+        save_model(build_model(case, lambda stage: tell(f"build: {stage}")), path)
+    return load_model(path)

@@ -1,0 +1,152 @@
+"""The shipped agents, stops in the loop, on turbines, winds and measurements they were not made for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baselines.paper.cache import Cache
+from baselines.paper.document import Section, Table
+from baselines.paper.late import late
+from baselines.paper.models import VARIATIONS, built
+from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES
+from baselines.paper.scores import Trial, measured, metrics_of
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.control import Agent, BladeController, OpenLoop, closed_loop
+from flapgym.control.closed_loop import with_effectiveness
+from flapgym.evaluation import Estimate, Metrics, measure, paired_change
+from flapgym.turbine import Case
+
+AGENTS = ("pd", "lqg", "lqg_saturating", "ppo", "sac")
+REALISATIONS = 40
+SHARE = 0.25
+"""Of the paper's length, of each: short ones side by side cost least, and together last as long as ten long ones."""
+UNSTABLE = "*"
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """What the agents are run on.
+
+    Attributes
+    ----------
+    label : str
+    model : TurbineModel
+    settings : mapping
+        Keywords of the environment.
+    delay : int
+        Steps by which the moments are late.
+    """
+
+    label: str
+    model: TurbineModel
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    delay: int = 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """An agent under a condition: changes against open loop there, travel [rad/s], and whether the loop holds.
+
+    `stable` is of the linear loop, the stops left out; None where the agent is not linear.
+    """
+
+    rbm_rms: Estimate
+    rbm_del: Estimate
+    flap_travel: float
+    stable: bool | None
+
+
+def conditions(
+    model: TurbineModel, case: Case, folder: Path, tell: Callable[[str], None]
+) -> Iterator[Condition]:
+    """As designed, then one thing changed at a time."""
+    yield Condition("as designed", model)
+    for label, change in VARIATIONS.items():
+        yield Condition(label, built(change(case), folder, tell))
+    for factor in EFFECTIVENESS:
+        if factor != 1.0:
+            weaker = replace(model, turbine=with_effectiveness(model.turbine, factor))
+            yield Condition(f"flap's effect x {factor:g}", weaker)
+    for length in LENGTHS:
+        if length != model.length_scale:
+            yield Condition(f"L = {length:g} m", model, {"length_scale": length})
+    for noise in NOISES:
+        yield Condition(f"noise {100 * noise:g} %", model, {"measurement_noise": noise * model.rbm_rms})
+    for delay in DELAYS[1:]:
+        yield Condition(f"delay {delay} step{'s' * (delay > 1)}", model, delay=delay)
+
+
+def outcome(
+    agent: Agent, condition: Condition, trial: Trial, cache: Cache, tell: Callable[[str], None]
+) -> Outcome:
+    """What an agent does under a condition; open loop meets the same wind on the same turbine."""
+    model = condition.model
+    agent = late(agent, condition.delay, model.rotor_speed)
+    # Flaps at rest feel neither noise nor what they could do, but the wind.
+    wind = {name: value for name, value in condition.settings.items() if name == "length_scale"}
+
+    def taken(flyer: Agent, settings: Mapping[str, Any]) -> Metrics:
+        found = measured(
+            flyer,
+            model,
+            replace(trial, settings=settings),
+            cache,
+            tell,
+            lambda record: asdict(measure(record)),
+        )
+        return metrics_of(found)
+
+    ours, reference = taken(agent, condition.settings), taken(OpenLoop(), wind)
+    stable = None
+    if isinstance(agent, BladeController):
+        stable = closed_loop(model, agent.system).spectral_radius() < 1.0
+    return Outcome(
+        paired_change(ours.rbm_rms, reference.rbm_rms),
+        paired_change(ours.rbm_del, reference.rbm_del),
+        float(ours.flap_travel.mean()),
+        stable,
+    )
+
+
+def trials_section(found: Mapping[str, Mapping[str, Outcome]], trial: Trial) -> Section:
+    """Tables of outcomes by condition and agent."""
+    agents = list(next(iter(found.values())))
+    loads, travel = [], []
+    for label, row in found.items():
+        loads.append((label, *(_cell(row[name]) for name in agents)))
+        travel.append((label, *(f"{np.rad2deg(row[name].flap_travel):.2f}" for name in agents)))
+    first = next(iter(found.values()))
+    worst = {name: max(found, key=lambda label: found[label][name].rbm_rms.mean) for name in agents}
+    lines = [
+        f"{name} loses most under {worst[name]}: {_percent(found[worst[name]][name].rbm_rms.mean)} of RBM rms "
+        f"instead of {_percent(first[name].rbm_rms.mean)}."
+        for name in agents
+    ]
+    return Section(
+        "Robustness: the shipped agents on other turbines, winds and measurements",
+        (
+            f"Simulated behind the stops on {trial.realisations} realisations of {trial.duration:.0f} s; change of RBM "
+            "rms / RBM DEL against open loop on the same turbine in the same wind [%], mean over blades and "
+            "realisations. The agents stay as shipped, only what the row names is changed. Turbines are built anew "
+            "from the changed case, trim included; below 11 m/s tip-speed ratio and pitch stay, and so does the "
+            f"turbulence intensity. An asterisk: the linear loop is unstable there and swings between the stops.",
+            Table(("condition", *agents), tuple(loads)),
+            "Path of a flap [deg/s]:",
+            Table(("condition", *agents), tuple(travel)),
+            " ".join(lines),
+        ),
+    )
+
+
+def _cell(outcome: Outcome) -> str:
+    mark = UNSTABLE if outcome.stable is False else ""
+    return f"{_percent(outcome.rbm_rms.mean)} / {_percent(outcome.rbm_del.mean)}{mark}"
+
+
+def _percent(change: float) -> str:
+    return f"{100.0 * change:+.1f}"

@@ -1,0 +1,164 @@
+"""Side effects, late measurements and other turbines in the study: exact where they can be, and kept once made."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines.paper import models
+from baselines.paper.cache import Cache
+from baselines.paper.effects import Effects, effects_section, further_loads, measure_effects, respond
+from baselines.paper.late import LatePolicy, late
+from baselines.paper.models import VARIATIONS, built, unscaled_flap
+from baselines.paper.scores import Trial, mark
+from baselines.paper.trials import Condition, Outcome, outcome, trials_section
+from flapgym.aeroelastic.study import STUDY_OUTPUTS
+from flapgym.control import BladeController, Policy, Weights, lqg_agent
+from flapgym.evaluation import Estimate, Record, root_mean_square, simulate
+from flapgym.turbine import load_case
+from tests.synthetic import synthetic_model
+
+MODEL = synthetic_model()
+CHOSEN = ("rbm_0", "rbm_c", "rbm_s", "tower_fore_aft", "tower_side_side")
+STUDIED = replace(MODEL.turbine.select(outputs=CHOSEN), outputs=STUDY_OUTPUTS)
+"""The turbine asked a second time for what a record has."""
+
+
+def test_blocks_of_steps_are_the_steps():
+    rng = np.random.default_rng(0)
+    inputs = rng.standard_normal((3, 150, 7))
+    inputs[:, 0] = 0.0
+    together = respond(MODEL.turbine, inputs, block=64)
+    for one, expected in zip(together, inputs, strict=True):
+        np.testing.assert_allclose(one, MODEL.turbine.simulate(expected), atol=1e-9 * np.abs(together).max())
+
+
+def test_a_block_begins_in_the_steady_state_of_its_first_input():
+    inputs = np.tile(np.random.default_rng(1).standard_normal((1, 1, 7)), (1, 40, 1))
+    steady = respond(MODEL.turbine, inputs)
+    np.testing.assert_allclose(steady[0], np.tile(steady[0, 0], (40, 1)), rtol=1e-9)
+    np.testing.assert_allclose(steady[0, 0], MODEL.turbine.dc_gain() @ inputs[0, 0], rtol=1e-9)
+
+
+def test_what_else_the_flaps_do_is_what_the_simulation_says_they_do():
+    """Asked for the flapwise moments, the second calculation gives the record's, once its start is forgotten."""
+    agent = lqg_agent("lqg", MODEL, Weights(30.0))
+    record = simulate(agent, MODEL, [3, 4], 60.0)
+    again, tower = further_loads(record, STUDIED, MODEL.rotor_speed)
+    late_half = slice(again.shape[1] // 2, None)
+    error = root_mean_square((again - record.rbm)[:, late_half], axis=1)
+    assert (error < 0.02 * root_mean_square(record.rbm, axis=1)).all()
+    np.testing.assert_allclose(tower[:, late_half, 0], record.tower_fore_aft[:, late_half], atol=2e-3)
+
+
+def test_duty_of_a_sinusoidal_flap_known_by_hand():
+    time = 0.007 * np.arange(20000)
+    omega, amplitude = 2.0 * np.pi, 0.1
+    still = np.zeros((1, time.size))
+    angle = np.tile((amplitude * np.sin(omega * time))[None, :, None], (1, 1, 3))
+    rate = np.tile((amplitude * omega * np.cos(omega * time))[None, :, None], (1, 1, 3))
+    record = Record(0.0 * angle, 0.0 * angle, angle, rate, still + 0.5, still, still, np.zeros(1), 0.007)
+    found = measure_effects(record, STUDIED, MODEL.rotor_speed)
+    assert found.travel[0] == pytest.approx(4.0 * amplitude, rel=1e-3)
+    assert found.rate_rms[0] == pytest.approx(amplitude * omega / np.sqrt(2.0), rel=1e-3)
+    assert found.acceleration_rms[0] == pytest.approx(amplitude * omega**2 / np.sqrt(2.0), rel=1e-3)
+    # The modulus of half a sine of twice the frequency has the mean 1 / pi.
+    assert found.hinge_power[0] == pytest.approx(amplitude**2 * omega / np.pi, rel=1e-3)
+    assert found.inertial_power[0] == pytest.approx(amplitude**2 * omega**3 / np.pi, rel=1e-3)
+
+
+def _echo() -> Policy:
+    """Acts with the moment it reads [MN m]."""
+    return Policy(
+        "echo", ("rbm",), 2, True, np.zeros(1), np.ones(1), (np.eye(1),), (np.zeros(1),), "tanh", "clip"
+    )
+
+
+def test_a_late_policy_reads_old_moments_and_keeps_its_pace():
+    agent = late(_echo(), 3, MODEL.rotor_speed)
+    assert isinstance(agent, LatePolicy)
+    state, acted = None, []
+    for n in range(10):
+        action, state = agent.predict(0.01 * (n + np.array([[1.0, 2.0, 3.0]])), state, np.array([n == 0]))
+        acted.append(action[0, 0])
+    np.testing.assert_allclose(acted, 0.01 * np.array([1, 1, 1, 1, 2, 2, 4, 4, 6, 6]), rtol=1e-6)
+
+
+def test_a_late_controller_is_the_punctual_one_with_the_moments_held_back():
+    agent = lqg_agent("lqg", MODEL, Weights(3.0))
+    delayed = late(agent, 2, MODEL.rotor_speed)
+    assert isinstance(delayed, BladeController)
+    rng, state, expected_state = np.random.default_rng(2), None, None
+    seen = rng.standard_normal((12, 9)) * np.repeat([0.3, 0.01, 0.1], 3)
+    for n in range(12):
+        held_back = np.concatenate([seen[max(n - 2, 0), :3], seen[n, 3:]])
+        if n == 0:
+            held_back = seen[0]
+        action, state = delayed.predict(seen[n], state)
+        expected, expected_state = agent.predict(held_back, expected_state)
+        np.testing.assert_allclose(action, expected, atol=1e-6)
+
+
+def test_variations_change_one_thing_each():
+    case = load_case()
+    hashes = {
+        case.hash(),
+        unscaled_flap(case).hash(),
+        *(change(case).hash() for change in VARIATIONS.values()),
+    }
+    assert len(hashes) == 2 + len(VARIATIONS)
+    slower = VARIATIONS["wind 8 m/s"](case)
+    assert slower.rotor_speed == pytest.approx(case.rotor_speed * 8.0 / 11.0)
+
+
+def test_a_turbine_is_built_once(tmp_path, monkeypatch):
+    calls = []
+
+    def build(case, progress):
+        calls.append(case)
+        return MODEL
+
+    monkeypatch.setattr(models, "build_model", build)
+    for _ in range(2):
+        assert built(load_case(), tmp_path, lambda stage: None).hash == MODEL.hash
+    assert len(calls) == 1
+
+
+def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
+    agent = lqg_agent("lqg", MODEL, Weights(30.0))
+    trial, cache = Trial("trial", 2, 6.0), Cache(tmp_path, "a")
+    found = {
+        condition.label: {"lqg": outcome(agent, condition, trial, cache, lambda name: None)}
+        for condition in (
+            Condition("as designed", MODEL),
+            Condition("noise", MODEL, {"measurement_noise": 0.5 * MODEL.rbm_rms}),
+            Condition("late", MODEL, delay=40),
+        )
+    }
+    designed, noise, delayed = (row["lqg"] for row in found.values())
+    assert designed.stable
+    assert designed.rbm_rms.mean < -0.05
+    assert noise.flap_travel > designed.flap_travel
+    assert delayed.rbm_rms.mean > designed.rbm_rms.mean
+    text = " ".join(part for part in trials_section(found, trial).content if isinstance(part, str))
+    assert "lqg loses most under noise" in text
+
+
+def test_an_unstable_loop_is_marked():
+    change = Estimate(-0.1, -0.2, 0.0)
+    section = trials_section({"heavy": {"pd": Outcome(change, change, 0.1, False)}}, Trial("trial", 2, 6.0))
+    assert section.content[1].rows[0][1] == "-10.0 / -10.0*"
+
+
+def test_marks_tell_late_agents_from_punctual_ones():
+    assert len({mark(late(_echo(), steps, 1.2)) for steps in range(3)}) == 3
+
+
+def test_effects_are_told_against_open_loop_and_the_base_case():
+    one = np.full(3, 1.0)
+    calm = Effects(*([one] * 11))
+    found = {"lqg": calm, "pd": replace(calm, inertial_power=1.7 * one, edge_rms=1.1 * one)}
+    section = effects_section(found, {"lqg": "LQG", "pd": "PD"}, calm, 3)
+    assert section.content[1].rows[1][5].startswith("+10.0")
+    assert section.content[3].rows[1][4] == "1.70"
+    assert "+70 % of inertial" in section.content[-1]

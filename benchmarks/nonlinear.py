@@ -114,7 +114,9 @@ class Loop:
             seen = {"rbm": y[:3], "flap_angle": self.angle, "flap_rate": self.rate}
             observation = np.concatenate([seen[name] / OBSERVATION_SCALES[name] for name in agent.observe])
             action, self.state = agent.predict(observation, self.state)
-            command = np.stack([self.angle, self.rate, model.acceleration_limit * action])
+            command = np.stack(
+                [self.angle, self.rate, np.zeros_like(self.rate), model.acceleration_limit * action]
+            )
             motion, _ = actuator.move(command[None])
             self.angle, self.rate = motion[0, -2:]
         self.series = np.concatenate([self.series, out])

@@ -19,7 +19,8 @@ from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.full import march_turbine
 from flapgym.aeroelastic.periodic import PeriodicModel, step_matrices
-from flapgym.plant import Plant
+from flapgym.envs.observation import task_of
+from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.modal import modal_form
 from flapgym.state_space import Array
 
@@ -69,16 +70,17 @@ def assembled(study: Study, u: Array, refresh: int) -> Array:
 def fly(model: TurbineModel, turbines: int, steps: int) -> None:
     """Step so many turbines as the environment does: flaps' actuators, turbulence's response computed at reset."""
     actions = steps // STEPS_PER_ACTION
-    plant = Plant(model, turbines, STEPS_PER_ACTION, actions, model.length_scale)
+    task = task_of(("rbm",), model, 3)
+    plant = make_plant(model, turbines, Setup(STEPS_PER_ACTION, actions, model.length_scale), task)
     rng = np.random.default_rng(0)
     still = np.zeros((turbines, 3))
     noise = rng.standard_normal((turbines, plant.noise_count))
-    plant.reset(
-        np.arange(turbines), noise, np.full(turbines, 0.1), np.zeros(turbines), still.copy(), still.copy()
-    )
-    push = rng.uniform(-1.0, 1.0, (turbines, 3)) * model.acceleration_limit
+    start = Start(np.zeros(turbines), still, still, np.full(turbines, 0.1), noise)
+    plant.reset(np.arange(turbines), start)
+    push = rng.uniform(-1.0, 1.0, 3 * turbines)
+    observation, rows = np.empty(3 * turbines, np.float32), np.empty(layout.ROW * turbines)
     for _ in range(actions):
-        plant.advance(push)
+        plant.step(push, observation, rows, np.empty((0, 0, 0)))
         push = -push
 
 

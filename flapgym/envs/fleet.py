@@ -1,7 +1,9 @@
-"""What one and many environments share: n turbines, their task (observation, reward, end) and their randomness."""
+"""What one and many environments share: n turbines, their settings and their randomness."""
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,14 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.multiblade import BLADES
-from flapgym.envs.observation import Instant, Observer
+from flapgym.envs.observation import bound_of, task_of
 from flapgym.envs.settings import Settings
-from flapgym.plant import Interval, Plant
+from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.state_space import Array
 
-RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate")
+RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turbulence_intensity")
+
+NO_SAMPLES = np.empty((0, 0, 0))
 
 Info = dict[str, Any]
+Origin = dict[str, Any]
+"""Where an episode comes from: the generator's state before its draws, and the options of the reset."""
 
 
 class Fleet:
@@ -31,27 +37,33 @@ class Fleet:
     """
 
     def __init__(self, settings: Settings, count: int) -> None:
-        self.settings = settings
+        self.settings, self.count = settings, count
         self.model = settings.turbine_model()
-        self.plant = Plant(
-            self.model,
-            count,
-            settings.steps_per_action,
-            settings.intervals(self.model.time_step),
-            settings.length_scale,
+        self.setup = Setup(
+            steps_per_action=settings.steps_per_action,
+            intervals=settings.intervals(self.model.time_step),
+            length_scale=settings.length_scale,
             every_sample=settings.record_samples or settings.tower_weight > 0.0,
+            faults=settings.faults(self.model),
+            precision=settings.precision,
+            kernel=settings.kernel,
+            pool=settings.realisation_pool,
         )
-        self._observer = Observer(settings.observe, self.model)
-        self.observation_space = gymnasium.spaces.Box(
-            -self._observer.bound, self._observer.bound, dtype=np.float32
+        self.task = task_of(
+            settings.observe,
+            self.model,
+            self.setup.blades,
+            settings.flap_angle_weight,
+            settings.tower_weight,
         )
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (BLADES,), dtype=np.float32)
-        self._travel = np.zeros((count, BLADES))
-        self._noise = (
-            np.zeros((count, self.plant.intervals + 1, BLADES)) if settings.measurement_noise else None
-        )
-        self._reward_weights = np.full(BLADES, -1.0 / (BLADES * self.model.rbm_rms**2))
-        self._all = np.arange(count)
+        self.intensity = settings.intensities(count)
+        # Kept, because a plant computes the response to a gust it has met before only once.
+        self._gust = settings.given_wind(self.model)
+        self.plant = make_plant(self.model, count, self.setup, self.task)
+        bound = bound_of(self.task)
+        self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.setup.blades,), dtype=np.float32)
+        self._origins: list[Origin | None] = [None] * count
 
     def begin(
         self,
@@ -66,134 +78,239 @@ class Fleet:
         observation : (m, size) float32
         info : dict of arrays (m, ...)
         """
-        start = self._start(turbines, generators, dict(options or {}))
-        first = self.plant.reset(turbines, *start)
-        self._travel[turbines] = 0.0
-        now = self._instant(first, turbines)
-        noise = None if self._noise is None else self._noise[turbines, 0]
-        return self._observer(now, noise), self._info(now, first, turbines)
+        chosen = self._chosen(turbines, dict(options or {}))
+        origins = [
+            {"generator": generator.bit_generator.state} | each
+            for generator, each in zip(generators, chosen, strict=True)
+        ]
+        observation, rows = self.plant.reset(turbines, self._start(turbines, generators, chosen))
+        for turbine, origin in zip(turbines, origins, strict=True):
+            self._origins[turbine] = origin
+        return observation, state_info(rows, self.setup.blades)
 
     def step(
-        self, actions: ArrayLike, restarting: NDArray[np.int64] | None = None
+        self, actions: ArrayLike
     ) -> tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]:
-        """Advance every turbine by one action (n, 3).
+        """Advance every turbine by one action (n, blades).
 
-        Turbines in `restarting` are about to begin a new episode: what is returned for them has no meaning.
+        Turbines whose episode is over are advanced too: what is returned for them has no meaning.
         """
-        actions = self._checked(actions)
-        if restarting is not None:
-            # They have no interval left to advance into.
-            self.plant.elapsed[restarting] = 0
-        interval = self.plant.advance(actions * self.model.acceleration_limit)
-        now = self._instant(interval, self._all)
-        terms = self._reward_terms(interval)
-        angle = interval.flap_angle
-        self._travel += np.add.reduce(np.abs(angle[:, 1:] - angle[:, :-1]), axis=1)
-        info = self._info(now, interval, self._all) | terms
+        n, setup = self.count, self.setup
+        values = numbers(actions, (n, setup.blades))
+        observation, rows = np.empty((n, self.task.size), np.float32), np.empty((n, layout.ROW))
+        samples = self.samples()
+        status = self.plant.step(values.reshape(-1), observation.reshape(-1), rows.reshape(-1), samples)
+        if status < 0:
+            raise refusal(values, status, setup.blades)
+        reward = rows[:, layout.REWARD].copy()
+        terminated = ~np.isfinite(reward) if status & 1 else np.zeros(n, dtype=bool)
+        truncated = self.plant.elapsed >= setup.intervals if status & 2 else np.zeros(n, dtype=bool)
+        info = step_info(rows, setup.blades)
         if self.settings.record_samples:
-            info["samples"] = _samples(interval)
-        elapsed = self.plant.elapsed
-        noise = None if self._noise is None else self._noise[self._all, elapsed]
-        reward = terms["reward_rbm"] + terms["reward_flap_angle"] + terms["reward_tower"]
-        return self._observer(now, noise), reward, ~np.isfinite(reward), elapsed >= self.plant.intervals, info
+            info["samples"] = sample_info(samples, setup.blades)
+        return observation, reward, terminated, truncated, info
 
-    def _checked(self, actions: ArrayLike) -> Array:
-        """Actions as float, clipped to the action space; anything but finite numbers of the right shape is refused."""
-        shape = (self.plant.count, BLADES)
+    def samples(self) -> Array:
+        """Room for the plant samples of a step; none if they are not wanted."""
+        if not self.settings.record_samples:
+            return NO_SAMPLES
+        return np.empty((self.count, self.setup.steps_per_action, layout.SAMPLE))
+
+    def get_state(self) -> dict[str, Any]:
+        """The state of all turbines as plain values for JSON."""
+        return {
+            "made_by": self._identity(),
+            "turbines": [
+                None if origin is None else {"origin": origin, "plant": self.plant.get_state(turbine)}
+                for turbine, origin in enumerate(self._origins)
+            ],
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state of the same model and settings, bit for bit.
+
+        Raises
+        ------
+        ValueError
+            If the state is another environment's; nothing is changed then.
+        """
         try:
-            values = np.asarray(actions, dtype=float)
-        except (TypeError, ValueError):
-            raise ValueError(f"action: expected numbers of shape {shape}, got {actions!r}") from None
-        if values.shape != shape:
-            raise ValueError(f"action: expected shape {shape}, got {values.shape}")
-        if not np.isfinite(values).all():
-            turbine, blade = np.argwhere(~np.isfinite(values))[0]
-            raise ValueError(
-                f"action: expected finite numbers in [-1, 1], got {values[turbine, blade]} for blade {blade + 1}"
-                + (f" of environment {turbine}" if self.plant.count > 1 else "")
-            )
-        return np.minimum(np.maximum(values, -1.0), 1.0)
+            made_by, turbines = dict(state["made_by"]), list(state["turbines"])
+        except (KeyError, TypeError, ValueError):
+            raise ValueError("state: expected what get_state of such an environment returned") from None
+        for name, own in self._identity().items():
+            if made_by.get(name) != own:
+                raise ValueError(
+                    f"state: made by an environment with {name} {made_by.get(name)!r}, this one has {own!r}"
+                )
+        for turbine, entry in enumerate(turbines):
+            self._origins[turbine] = None
+            if entry is not None:
+                self._begin_again(turbine, entry["origin"])
+                self.plant.set_state(turbine, entry["plant"])
 
-    def _start(
-        self, turbines: NDArray[np.int64], generators: Sequence[np.random.Generator], options: dict[str, Any]
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Noise, intensity, azimuth, flap angle and rate at the start of m episodes."""
-        m, n, settings, model = len(turbines), self.plant.count, self.settings, self.model
+    def _begin_again(self, turbine: int, origin: Origin) -> None:
+        """Repeat the draws of an episode."""
+        generator = generator_of(origin["generator"])
+        which = np.array([turbine])
+        self.plant.reset(which, self._start(which, [generator], [origin]))
+        self._origins[turbine] = dict(origin)
+
+    def _identity(self) -> dict[str, Any]:
+        """What two environments must share for a state of one to mean the same to the other."""
+        settings = {
+            field.name: getattr(self.settings, field.name)
+            for field in dataclasses.fields(self.settings)
+            if field.name not in ("model", "kernel")
+        }
+        return {
+            "model": self.plant.fingerprint,
+            "kernel": type(self.plant).__name__,
+            "num_envs": self.count,
+            # Through JSON, so that a tuple equals the list it becomes there.
+            **json.loads(json.dumps(settings, default=_plain)),
+        }
+
+    def _chosen(self, turbines: NDArray[np.int64], options: dict[str, Any]) -> list[Origin]:
+        """The options of each of m turbines as plain values; what is left to chance is None."""
+        n, model = self.count, self.model
         for name in options:
             if name not in RESET_OPTIONS:
                 raise ValueError(f"options: no {name!r}; known: {', '.join(RESET_OPTIONS)}")
-        angle = _option(options, "flap_angle", (n, BLADES), model.flap_angle_limit)[turbines]
-        rate = _option(options, "flap_rate", (n, BLADES), model.flap_rate_limit)[turbines]
-        seeds = _seeds(options, n)
-        azimuth, noise = np.empty(m), np.empty((m, self.plant.noise_count))
-        for row, generator in enumerate(generators):
-            azimuth[row] = generator.uniform(0.0, 2.0 * np.pi)
-            source = generator if seeds is None else np.random.default_rng(seeds[turbines[row]])
-            source.standard_normal(out=noise[row])
-            if self._noise is not None:
-                drawn = generator.standard_normal(self._noise.shape[1:])
-                self._noise[turbines[row]] = settings.measurement_noise * drawn
-        if "azimuth" in options:
-            azimuth = _option(options, "azimuth", (n,))[turbines]
-        return noise, np.full(m, settings.turbulence_intensity), azimuth, angle, rate
+        angle = _option(options, "flap_angle", (n, BLADES), model.flap_angle_limit)
+        rate = _option(options, "flap_rate", (n, BLADES), model.flap_rate_limit)
+        azimuth = _option(options, "azimuth", (n,)) if "azimuth" in options else None
+        intensity = self.intensity
+        if "turbulence_intensity" in options:
+            intensity = _option(options, "turbulence_intensity", (n,), 1.0)
+            if intensity.min() < 0.0:
+                given = options["turbulence_intensity"]
+                raise ValueError(f"options.turbulence_intensity: expected at least 0, got {given!r}")
+        seeds = _seeds(options, n, self.setup.pool)
+        return [
+            {
+                "realisation_seed": None if seeds is None else seeds[turbine],
+                "azimuth": None if azimuth is None else float(azimuth[turbine]),
+                "flap_angle": angle[turbine].tolist(),
+                "flap_rate": rate[turbine].tolist(),
+                "intensity": float(intensity[turbine]),
+            }
+            for turbine in turbines
+        ]
 
-    def _instant(self, interval: Interval, turbines: NDArray[np.int64]) -> Instant:
-        """The last sample of an interval."""
-        return Instant(
-            rbm=interval.rbm[:, -1],
-            tip_deflection=interval.tip_deflection[:, -1],
-            flap_angle=interval.flap_angle[:, -1],
-            flap_rate=interval.flap_rate[:, -1],
-            tower_top=interval.tower[:, -1],
-            wind=interval.wind[:, -1],
-            azimuth=self.plant.azimuth[turbines],
+    def _start(
+        self,
+        turbines: NDArray[np.int64],
+        generators: Sequence[np.random.Generator],
+        chosen: Sequence[Origin],
+    ) -> Start:
+        """How m episodes begin: what was chosen, and for the rest draws from each one's generator."""
+        m, settings, pool = len(turbines), self.settings, self.setup.pool
+        azimuth = np.empty(m)
+        noise = None if pool else np.empty((m, self.plant.noise_count))
+        realisation = np.empty(m, dtype=np.int64) if pool else None
+        measured = np.empty((m, self.setup.intervals + 1, BLADES)) if settings.measurement_noise else None
+        for row, (generator, each) in enumerate(zip(generators, chosen, strict=True)):
+            drawn, seed = generator.uniform(0.0, 2.0 * np.pi), each["realisation_seed"]
+            azimuth[row] = drawn if each["azimuth"] is None else each["azimuth"]
+            if realisation is not None:
+                realisation[row] = generator.integers(pool) if seed is None else seed
+            if noise is not None:
+                source = generator if seed is None else np.random.default_rng(seed)
+                source.standard_normal(out=noise[row])
+            if measured is not None:
+                generator.standard_normal(out=measured[row])
+                measured[row] *= settings.measurement_noise
+        return Start(
+            azimuth=azimuth,
+            flap_angle=np.array([each["flap_angle"] for each in chosen]),
+            flap_rate=np.array([each["flap_rate"] for each in chosen]),
+            intensity=np.array([each["intensity"] for each in chosen]),
+            noise=noise,
+            realisation=realisation,
+            measurement_noise=measured,
+            gust=self._gust,
         )
 
-    def _reward_terms(self, interval: Interval) -> Info:
-        """Each term of the reward, and the mean square of each blade's moment over the interval."""
-        k, settings = self.plant.steps_per_action, self.settings
-        mean_square = np.einsum("nkb,nkb->nb", interval.rbm, interval.rbm) / k
-        zero = np.zeros(self.plant.count)
-        angle, tower = zero, zero.copy()
-        if settings.flap_angle_weight > 0.0:
-            ratio = interval.flap_angle[:, 1:] / self.model.flap_angle_limit
-            angle = -settings.flap_angle_weight * np.einsum("nkb,nkb->n", ratio, ratio) / (k * BLADES)
-        if settings.tower_weight > 0.0:
-            fore_aft = interval.tower[:, :, 0]
-            tower = -settings.tower_weight * np.einsum("nk,nk->n", fore_aft, fore_aft) / k
-        return {
-            "rbm_mean_square": mean_square,
-            "reward_rbm": mean_square @ self._reward_weights,
-            "reward_flap_angle": angle,
-            "reward_tower": tower,
-        }
 
-    def _info(self, now: Instant, interval: Interval, turbines: NDArray[np.int64]) -> Info:
-        """SI quantities of the instant; copies, because a view would keep the whole interval alive."""
-        return {
-            "rbm": now.rbm.copy(),
-            "tip_deflection": now.tip_deflection.copy(),
-            "flap_angle": now.flap_angle.copy(),
-            "flap_rate": now.flap_rate.copy(),
-            "tower_top": now.tower_top.copy(),
-            "wind_perturbation": now.wind.copy(),
-            "azimuth": now.azimuth,
-            "flap_travel": self._travel[turbines],
-            "flap_stopped": interval.stopped,
-        }
+def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] | Array:
+    """Actions as contiguous floats of the right shape, or an error that says what is wrong with them."""
+    try:
+        # Copied: what is handed to a plant must be contiguous and, for compiled code, writable.
+        single = isinstance(actions, np.ndarray) and actions.dtype == np.float32
+        values: NDArray[np.float32] | Array = (
+            np.array(actions, dtype=np.float32) if single else np.array(actions, dtype=np.float64)
+        )
+    except (TypeError, ValueError):
+        raise ValueError(f"action: expected numbers of shape {shape}, got {actions!r}") from None
+    if values.shape != shape:
+        raise ValueError(f"action: expected shape {shape}, got {np.shape(actions)}")
+    return values
 
 
-def _samples(interval: Interval) -> Info:
-    """Every plant sample of the interval, 1 to k."""
-    return {
-        "rbm": interval.rbm.copy(),
-        "tip_deflection": interval.tip_deflection.copy(),
-        "flap_angle": interval.flap_angle[:, 1:].copy(),
-        "flap_rate": interval.flap_rate[:, 1:].copy(),
-        "tower_fore_aft": interval.tower[:, :, 0].copy(),
-        "tower_side_side": interval.tower[:, :, 1].copy(),
-        "wind": interval.wind.copy(),
+def refusal(values: NDArray[np.float32] | Array, status: int, blades: int) -> ValueError:
+    """The error for actions of the right shape that a plant did not take."""
+    environment, blade = divmod(-2 - status, blades)
+    return ValueError(
+        f"action: expected finite numbers in [-1, 1], got {values.ravel()[-2 - status]} for blade {blade + 1}"
+        + (f" of environment {environment}" if values.ndim > 1 and len(values) > 1 else "")
+    )
+
+
+def generator_of(state: Mapping[str, Any]) -> np.random.Generator:
+    """A generator in a state."""
+    bits = getattr(np.random, state["bit_generator"])()
+    bits.state = dict(state)
+    return np.random.Generator(bits)
+
+
+def state_info(rows: Array, blades: int) -> Info:
+    """SI quantities of the last sample, for n turbines; copies, because a view would keep all rows alive."""
+    info = {
+        name: rows[:, column : column + blades].copy()
+        for name, column in (
+            ("rbm", layout.RBM),
+            ("tip_deflection", layout.TIP),
+            ("flap_angle", layout.ANGLE),
+            ("flap_rate", layout.RATE),
+        )
     }
+    if blades == BLADES:
+        info["tower_top"] = rows[:, layout.TOWER : layout.TOWER + 2].copy()
+    info["wind_perturbation"] = rows[:, layout.WIND].copy()
+    if blades == BLADES:
+        info["azimuth"] = rows[:, layout.AZIMUTH].copy()
+    info["flap_travel"] = rows[:, layout.TRAVEL : layout.TRAVEL + blades].copy()
+    info["flap_stopped"] = rows[:, layout.STOPPED : layout.STOPPED + blades] != 0.0
+    return info
+
+
+def step_info(rows: Array, blades: int) -> Info:
+    """The same, with the mean square of each moment over the interval and the reward's terms."""
+    return state_info(rows, blades) | {
+        "rbm_mean_square": rows[:, layout.MEAN_SQUARE : layout.MEAN_SQUARE + blades].copy(),
+        "reward_rbm": rows[:, layout.REWARD_RBM].copy(),
+        "reward_flap_angle": rows[:, layout.REWARD_ANGLE].copy(),
+        "reward_tower": rows[:, layout.REWARD_TOWER].copy(),
+    }
+
+
+def sample_info(samples: Array, blades: int) -> Info:
+    """Every plant sample of the interval, 1 to k."""
+    info = {
+        name: samples[:, :, column : column + blades].copy()
+        for name, column in (
+            ("rbm", layout.SAMPLE_RBM),
+            ("tip_deflection", layout.SAMPLE_TIP),
+            ("flap_angle", layout.SAMPLE_ANGLE),
+            ("flap_rate", layout.SAMPLE_RATE),
+        )
+    }
+    if blades == BLADES:
+        info["tower_fore_aft"] = samples[:, :, layout.SAMPLE_TOWER].copy()
+        info["tower_side_side"] = samples[:, :, layout.SAMPLE_TOWER + 1].copy()
+    info["wind"] = samples[:, :, layout.SAMPLE_WIND].copy()
+    return info
 
 
 def _option(options: Mapping[str, Any], name: str, shape: tuple[int, ...], limit: float = np.inf) -> Array:
@@ -209,7 +326,7 @@ def _option(options: Mapping[str, Any], name: str, shape: tuple[int, ...], limit
     return np.clip(value, -limit, limit)
 
 
-def _seeds(options: Mapping[str, Any], n: int) -> list[int] | None:
+def _seeds(options: Mapping[str, Any], n: int, pool: int) -> list[int] | None:
     """Seeds of the realisations, one a turbine; None leaves them to the environment's generator."""
     given = options.get("realisation_seed")
     if given is None:
@@ -220,4 +337,13 @@ def _seeds(options: Mapping[str, Any], n: int) -> list[int] | None:
             f"options.realisation_seed: expected one non-negative whole number, or one for each of {n} environments, "
             f"got {given!r}"
         )
+    if pool and seeds.max() >= pool:
+        raise ValueError(
+            f"options.realisation_seed: the pool holds the realisations of seeds 0 to {pool - 1}, got {given!r}"
+        )
     return np.broadcast_to(seeds, (n,)).tolist()
+
+
+def _plain(value: Any) -> Any:
+    """What JSON does not know: numbers and arrays of numpy, paths."""
+    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else str(value)

@@ -1,40 +1,16 @@
-"""What can be observed: name, entries, unit and bound of every quantity, and how it is read from the plant."""
+"""What can be observed: name, entries, unit and bound of every quantity, and where it stands in a plant's rows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.state_space import Array
-
-
-class Instant(NamedTuple):
-    """What n turbines show at one sample, in SI units.
-
-    Attributes
-    ----------
-    rbm, tip_deflection, flap_angle, flap_rate : (n, 3) float
-        [N m, m, rad, rad/s].
-    tower_top : (n, 2) float
-        Displacement downwind and sideways [m].
-    wind : (n,) float
-        Perturbation [m/s].
-    azimuth : (n,) float
-        Of blade 1 [rad].
-    """
-
-    rbm: Array
-    tip_deflection: Array
-    flap_angle: Array
-    flap_rate: Array
-    tower_top: Array
-    wind: Array
-    azimuth: Array
+from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.plant import Task, layout
 
 
 @dataclass(frozen=True)
@@ -43,98 +19,124 @@ class Quantity:
 
     Attributes
     ----------
-    size : int
-        Entries.
+    columns : tuple of int
+        Where its entries stand in a plant's row.
     unit : str
     meaning : str
     bound : callable
         Largest magnitude for a model; larger values are clipped.
-    read : callable
-        Values (n, size) of an instant, in the unit.
+    factor : float
+        From SI to the unit.
+    per_blade : bool
+        One entry a blade.
     """
 
-    size: int
+    columns: tuple[int, ...]
     unit: str
     meaning: str
     bound: Callable[[TurbineModel], float]
-    read: Callable[[Instant], Array]
+    factor: float = 1.0
+
+    @property
+    def size(self) -> int:
+        """Entries for a turbine."""
+        return len(self.columns)
+
+    @property
+    def per_blade(self) -> bool:
+        """Whether there is one entry a blade."""
+        return self.size == BLADES
+
+
+def _blades(first: int) -> tuple[int, ...]:
+    return first, first + 1, first + 2
 
 
 QUANTITIES: dict[str, Quantity] = {
     "rbm": Quantity(
-        3,
+        _blades(layout.RBM),
         "MN m",
         "flapwise root bending moment of blades 1 to 3",
         lambda model: 50.0,
-        lambda now: 1e-6 * now.rbm,
+        factor=1e-6,
     ),
     "flap_angle": Quantity(
-        3,
+        _blades(layout.ANGLE),
         "rad",
         "flap angle of blades 1 to 3",
         lambda model: model.flap_angle_limit,
-        lambda now: now.flap_angle,
     ),
     "flap_rate": Quantity(
-        3,
+        _blades(layout.RATE),
         "rad/s",
         "flap rate of blades 1 to 3",
         lambda model: model.flap_rate_limit,
-        lambda now: now.flap_rate,
     ),
     "tip_deflection": Quantity(
-        3,
+        _blades(layout.TIP),
         "m",
         "tip deflection of blades 1 to 3, downwind",
         lambda model: 50.0,
-        lambda now: now.tip_deflection,
     ),
     "azimuth": Quantity(
-        2,
+        (layout.COSINE, layout.SINE),
         "-",
         "cosine and sine of the azimuth of blade 1",
         lambda model: 1.0,
-        lambda now: np.stack([np.cos(now.azimuth), np.sin(now.azimuth)], axis=1),
     ),
     "tower_top": Quantity(
-        2, "m", "tower-top displacement downwind and sideways", lambda model: 10.0, lambda now: now.tower_top
+        (layout.TOWER, layout.TOWER + 1),
+        "m",
+        "tower-top displacement downwind and sideways",
+        lambda model: 10.0,
     ),
-    "wind": Quantity(
-        1, "m/s", "wind perturbation along the shaft", lambda model: 50.0, lambda now: now.wind[:, None]
-    ),
+    "wind": Quantity((layout.WIND,), "m/s", "wind perturbation along the shaft", lambda model: 50.0),
 }
 """Everything observable. Perturbations about the steady equilibrium, except flap and azimuth."""
 
 
-class Observer:
-    """Packs the quantities asked for into one float32 row a turbine.
+def task_of(
+    observe: Sequence[str],
+    model: TurbineModel,
+    blades: int,
+    flap_angle_weight: float = 0.0,
+    tower_weight: float = 0.0,
+) -> Task:
+    """The task of an environment: the quantities asked for, in their order, and the reward.
 
     Parameters
     ----------
     observe : sequence of str
-        Names of `QUANTITIES`, in the order of the row.
+        Names of `QUANTITIES`.
     model : TurbineModel
-        Gives the bounds.
+        Gives bounds and the reward's constant.
+    blades : int
+        3, or 1 for the single blade, which sees the first entry of what each blade has.
+    flap_angle_weight, tower_weight : float
+        Of the reward.
     """
+    columns: list[int] = []
+    factors: list[float] = []
+    bounds: list[float] = []
+    noisy: list[int] = []
+    for name in observe:
+        quantity = QUANTITIES[name]
+        seen = quantity.columns[: blades if quantity.per_blade else None]
+        columns += seen
+        factors += [quantity.factor] * len(seen)
+        bounds += [quantity.bound(model)] * len(seen)
+        noisy += [column - layout.RBM if name == "rbm" else -1 for column in seen]
+    return Task(
+        columns=np.array(columns),
+        factors=np.array(factors),
+        bounds=np.array(bounds),
+        noisy=np.array(noisy),
+        rbm_weight=1.0 / model.rbm_rms**2,
+        angle_weight=flap_angle_weight / model.flap_angle_limit**2,
+        tower_weight=tower_weight,
+    )
 
-    def __init__(self, observe: Sequence[str], model: TurbineModel) -> None:
-        self._names = tuple(observe)
-        quantities = [QUANTITIES[name] for name in self._names]
-        sizes = [quantity.size for quantity in quantities]
-        self.bound: NDArray[np.float32] = np.repeat(
-            [quantity.bound(model) for quantity in quantities], sizes
-        ).astype(np.float32)
-        self._noisy = "rbm" in self._names
-        start = sum(sizes[: self._names.index("rbm")]) if self._noisy else 0
-        self._rbm = slice(start, start + 3)
 
-    def __call__(self, now: Instant, noise: Array | None = None) -> NDArray[np.float32]:
-        """Rows (n, size) for an instant; noise (n, 3) [N m] is added to the moments, if they are observed."""
-        parts = [QUANTITIES[name].read(now) for name in self._names]
-        row = np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
-        if noise is not None and self._noisy:
-            row[:, self._rbm] += 1e-6 * noise
-        packed = row.astype(np.float32)
-        # Rounded before it is bounded: a stop rounded up to float32 would leave the space.
-        np.minimum(packed, self.bound, out=packed)
-        return np.maximum(packed, -self.bound, out=packed)
+def bound_of(task: Task) -> NDArray[np.float32]:
+    """Largest magnitudes of an observation."""
+    return task.bounds.astype(np.float32)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel, load_model
 from flapgym.envs.observation import QUANTITIES
+from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
+from flapgym.turbulence import gust_of
 
 
 @dataclass(frozen=True)
@@ -20,45 +23,61 @@ class Settings:
 
     model: str | os.PathLike[str] | TurbineModel = "nrel5mw-rated"
     wind_speed: float | None = None
-    turbulence_intensity: float = 0.10
+    turbulence_intensity: float | Sequence[float] = 0.10
     length_scale: float = 147.0
+    gust: Mapping[str, Any] | None = None
     duration: float = 20.0
     measurement_noise: float = 0.0
+    sensor_delay: float = 0.0
+    actuator_lag: float = 0.0
+    stuck_flaps: Sequence[float | None] = (None, None, None)
+    flap_effectiveness: Sequence[float] = (1.0, 1.0, 1.0)
     steps_per_action: int = 5
     observe: Sequence[str] = ("rbm",)
     flap_angle_weight: float = 0.0
     tower_weight: float = 0.0
     record_samples: bool = False
+    realisation_pool: int = 0
+    precision: str = "float64"
+    kernel: str = "auto"
 
     def __post_init__(self) -> None:
         positive = ["length_scale", "duration"] + ["wind_speed"] * (self.wind_speed is not None)
         for name in (
             *positive,
-            "turbulence_intensity",
             "measurement_noise",
+            "sensor_delay",
+            "actuator_lag",
             "flap_angle_weight",
             "tower_weight",
         ):
             value = getattr(self, name)
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, (int, float, np.number))
-                or not math.isfinite(value)
-            ):
+            if not _is_finite(value):
                 raise ValueError(f"{name}: expected a finite number, got {value!r}")
             if value < 0.0 or (value == 0.0 and name in positive):
                 raise ValueError(
                     f"{name}: expected a {'positive' if name in positive else 'non-negative'} number, "
                     f"got {value!r}"
                 )
-        if self.turbulence_intensity >= 1.0:
-            raise ValueError(
-                f"turbulence_intensity: expected a fraction below 1 (0.10 is 10 %), got {self.turbulence_intensity}"
-            )
+        object.__setattr__(self, "turbulence_intensity", _checked_intensity(self.turbulence_intensity))
         steps = self.steps_per_action
         if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or not 1 <= steps <= 100:
             raise ValueError(f"steps_per_action: expected a whole number from 1 to 100, got {steps!r}")
+        pool = self.realisation_pool
+        if isinstance(pool, bool) or not isinstance(pool, (int, np.integer)) or pool < 0:
+            raise ValueError(f"realisation_pool: expected a whole number of at least 0, got {pool!r}")
+        for name, known in (("precision", PRECISIONS), ("kernel", KERNELS)):
+            if getattr(self, name) not in known:
+                raise ValueError(f"{name}: expected one of {', '.join(known)}, got {getattr(self, name)!r}")
         object.__setattr__(self, "observe", checked_observe(self.observe))
+        object.__setattr__(self, "stuck_flaps", _three("stuck_flaps", self.stuck_flaps, optional=True))
+        object.__setattr__(self, "flap_effectiveness", _three("flap_effectiveness", self.flap_effectiveness))
+        if not all(0.0 <= factor <= 2.0 for factor in self.flap_effectiveness):
+            raise ValueError(
+                f"flap_effectiveness: expected factors from 0 (a floating flap) to 2, got {self.flap_effectiveness}"
+            )
+        if self.gust is not None:
+            gust_of(self.gust)
 
     @classmethod
     def of(cls, keywords: dict[str, Any]) -> Settings:
@@ -91,9 +110,103 @@ class Settings:
             )
         return model
 
+    def faults(self, model: TurbineModel) -> Faults:
+        """What is wrong with the flaps of a model.
+
+        Raises
+        ------
+        ValueError
+            If a flap is stuck beyond its stop.
+        """
+        for angle in self.stuck_flaps:
+            if angle is not None and abs(angle) > model.flap_angle_limit * (1.0 + 1e-9):
+                raise ValueError(
+                    f"stuck_flaps: expected angles within +-{model.flap_angle_limit:.4g} rad, got {angle!r}"
+                )
+        first, second, third = self.stuck_flaps
+        one, two, three = self.flap_effectiveness
+        return Faults((one, two, three), (first, second, third), self.actuator_lag)
+
+    def given_wind(self, model: TurbineModel) -> GivenWind | None:
+        """Samples of the gust over an episode, and the wind before it.
+
+        Raises
+        ------
+        ValueError
+            If the gust's recording does not last as long.
+        """
+        if self.gust is None:
+            return None
+        dt = model.time_step
+        samples = self.intervals(dt) * self.steps_per_action + 1
+        time = np.arange(-1, samples, dtype=np.float64) * dt
+        wind = gust_of(self.gust).wind(time, model.wind_speed)
+        return GivenWind(wind[1:], float(wind[0]))
+
+    def delay(self, time_step: float) -> int:
+        """Plant steps by which the observed moments are late.
+
+        Raises
+        ------
+        ValueError
+            If the delay is no whole number of them.
+        """
+        steps = round(self.sensor_delay / time_step)
+        if not math.isclose(steps * time_step, self.sensor_delay, rel_tol=1e-6, abs_tol=1e-12):
+            raise ValueError(
+                f"sensor_delay: expected a multiple of the time step {time_step:g} s, such as "
+                f"{steps * time_step:g} s, got {self.sensor_delay:g} s"
+            )
+        return steps
+
+    def intensities(self, count: int) -> NDArray[np.float64]:
+        """Turbulence intensity of each of `count` turbines.
+
+        Raises
+        ------
+        ValueError
+            If there is neither one for all nor one for each.
+        """
+        given = np.asarray(self.turbulence_intensity)
+        if given.shape not in ((), (count,)):
+            raise ValueError(
+                f"turbulence_intensity: expected one number, or one for each of {count} environments, "
+                f"got {len(given)}"
+            )
+        return np.broadcast_to(given, (count,)).astype(float)
+
     def intervals(self, time_step: float) -> int:
         """Actions of an episode: the fewest that last `duration`."""
         return max(1, math.ceil(self.duration / (self.steps_per_action * time_step) - 1e-9))
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _three(name: str, values: object, optional: bool = False) -> tuple[Any, ...]:
+    """One number for each blade, or None where that is allowed."""
+    what = "numbers or None" if optional else "numbers"
+    if not isinstance(values, (Sequence, np.ndarray)) or isinstance(values, str) or len(values) != 3:
+        raise ValueError(f"{name}: expected three {what}, blade 1 first, got {values!r}")
+    for value in values:
+        if not ((optional and value is None) or _is_finite(value)):
+            raise ValueError(f"{name}: expected three finite {what}, blade 1 first, got {values!r}")
+    return tuple(values)
+
+
+def _checked_intensity(given: Any) -> float | tuple[float, ...]:
+    """One fraction, or a tuple of them."""
+    several = isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, str) and np.ndim(given) == 1
+    values = list(given) if several else [given]
+    for value in values:
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
+            raise ValueError(f"turbulence_intensity: expected a finite number, got {value!r}")
+        if not 0.0 <= value < 1.0:
+            raise ValueError(
+                f"turbulence_intensity: expected a fraction of at least 0 and below 1 (0.10 is 10 %), got {value!r}"
+            )
+    return tuple(float(value) for value in values) if several else given
 
 
 def checked_observe(observe: Sequence[str]) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -10,9 +11,27 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.envs.fleet import Fleet, Info
+from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.envs.fleet import Fleet, Info, generator_of, numbers, refusal, sample_info
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
+from flapgym.plant import layout
+
+# Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
+empty, FLOAT32, ROW = np.empty, np.dtype(np.float32), layout.ROW
+RBM, TIP, ANGLE, RATE, TRAVEL, MEAN_SQUARE, STOPPED = (
+    slice(column, column + BLADES)
+    for column in (
+        layout.RBM,
+        layout.TIP,
+        layout.ANGLE,
+        layout.RATE,
+        layout.TRAVEL,
+        layout.MEAN_SQUARE,
+        layout.STOPPED,
+    )
+)
+TOWER, SCALARS = slice(layout.TOWER, layout.TOWER + 2), slice(layout.WIND, layout.REWARD_TOWER + 1)
 
 
 class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -71,6 +90,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `azimuth` | rad | of blade 1 |
     | `flap_angle` | rad, number or 3 | within the stop |
     | `flap_rate` | rad/s, number or 3 | within the stop |
+    | `turbulence_intensity` | fraction | of this episode; 0 is still air |
 
     ## Episode End
 
@@ -91,7 +111,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|
     | `model` | `"nrel5mw-rated"` | name of a shipped model, or a model file of `flapgym build` |
     | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
-    | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air |
+    | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air; `FlapVectorEnv` takes several |
     | `length_scale` | 147.0 | of the von Karman spectrum [m] |
     | `duration` | 20.0 | of an episode [s] |
     | `measurement_noise` | 0.0 | rms of white noise on the observed RBM [N m]; the reward sees none |
@@ -99,6 +119,9 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `observe` | `("rbm",)` | what is observed, see above |
     | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward |
     | `record_samples` | `False` | put every plant sample into `info` |
+    | `realisation_pool` | 0 | draw from the realisations of seeds 0 to this - 1, shared in the process; 0: always new |
+    | `precision` | `"float64"` | `"float32"` halves memory and time of large batches, see docs/speed.md |
+    | `kernel` | `"auto"` | `"numba"` (extra `fast`), `"numpy"`, or the first installed; equal to round-off |
     | `render_mode` | `None` | `"rgb_array"` or `"human"` |
 
     ## Version History
@@ -117,6 +140,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space = self._fleet.observation_space
         self.action_space = self._fleet.action_space
         self._running = False
+        self._observed = self._fleet.task.size
         self._screen = (
             None if render_mode is None else Screen(self._fleet.model, render_mode, self._frame_period())
         )
@@ -133,7 +157,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         observation, info = self._fleet.begin(np.zeros(1, dtype=np.int64), [self.np_random], options)
         self._running = True
-        info = _single(info)
+        info = {name: value[0] if value.ndim > 1 else float(value[0]) for name, value in info.items()}
         if self._screen is not None:
             self._screen.clear()
             self._show(info)
@@ -143,19 +167,61 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Hold the flap accelerations (3,) for `steps_per_action` plant steps."""
         if not self._running:
             raise ResetNeeded("step: no episode is running; call reset first")
+        observation, row, fleet = empty(self._observed, FLOAT32), empty(ROW), self._fleet
+        samples = fleet.samples()
         try:
-            values = np.asarray(action)
-        except ValueError:
-            raise ValueError(f"action: expected 3 numbers, got {action!r}") from None
-        if values.shape != self.action_space.shape:
-            raise ValueError(f"action: expected shape {self.action_space.shape}, got {values.shape}")
-        observation, reward, terminated, truncated, info = self._fleet.step(values[None])
-        info = _single(info)
-        end = bool(terminated[0]), bool(truncated[0])
-        self._running = not any(end)
+            status = fleet.plant.step(action, observation, row, samples)  # type: ignore[arg-type]
+        except TypeError:  # not an array the plant takes as it is
+            action = numbers(action, (fleet.setup.blades,))
+            status = fleet.plant.step(action, observation, row, samples)
+        if status:
+            if status < 0:
+                raise refusal(numbers(action, (fleet.setup.blades,)), status, fleet.setup.blades)
+            self._running = False
+        wind, azimuth, reward, reward_rbm, reward_angle, reward_tower = row[SCALARS].tolist()
+        info = {
+            "rbm": row[RBM],
+            "tip_deflection": row[TIP],
+            "flap_angle": row[ANGLE],
+            "flap_rate": row[RATE],
+            "tower_top": row[TOWER],
+            "wind_perturbation": wind,
+            "azimuth": azimuth,
+            "flap_travel": row[TRAVEL],
+            "flap_stopped": row[STOPPED] != 0.0,
+            "rbm_mean_square": row[MEAN_SQUARE],
+            "reward_rbm": reward_rbm,
+            "reward_flap_angle": reward_angle,
+            "reward_tower": reward_tower,
+        }
+        if samples.size:
+            info["samples"] = {
+                name: value[0] for name, value in sample_info(samples, fleet.setup.blades).items()
+            }
         if self._screen is not None:
             self._show(info)
-        return observation[0], float(reward[0]), *end, info
+        return observation, reward, status & 1 != 0, status & 2 != 0, info
+
+    def get_state(self) -> dict[str, Any]:
+        """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
+        return {
+            **self._fleet.get_state(),
+            "running": self._running,
+            "generator": self.np_random.bit_generator.state,
+            "seed": self.np_random_seed,
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state that an environment of the same model and keywords gave.
+
+        Raises
+        ------
+        ValueError
+            If it is another environment's; nothing is changed then.
+        """
+        self._fleet.set_state(state)
+        self._running = bool(state["running"])
+        self._np_random, self._np_random_seed = generator_of(state["generator"]), state["seed"]
 
     def render(self) -> Any:
         """The picture as (height, width, 3) uint8 in mode `rgb_array`; `human` draws by itself."""
@@ -172,21 +238,10 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._screen.close()
 
     def _frame_period(self) -> float:
-        return self._fleet.plant.steps_per_action * self._fleet.model.time_step
+        return self._fleet.setup.steps_per_action * self._fleet.model.time_step
 
     def _show(self, info: Info) -> None:
         assert self._screen is not None
         self._screen.record(info)
         if self.render_mode == "human":
             self._screen.display()
-
-
-def _single(info: Info) -> Info:
-    """The only turbine's row of every array; numbers as plain floats."""
-    row: Info = {}
-    for name, value in info.items():
-        if isinstance(value, dict):
-            row[name] = _single(value)
-        else:
-            row[name] = value[0] if value.ndim > 1 else float(value[0])
-    return row

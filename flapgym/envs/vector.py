@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.envs.fleet import Fleet, Info
+from flapgym.envs.fleet import Fleet, Info, generator_of
 from flapgym.envs.settings import Settings
 from flapgym.state_space import Array
 
@@ -115,11 +115,34 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._observation = observation.copy()
         return observation, reward, terminated, truncated, _masked(info, np.ones(self.num_envs, dtype=bool))
 
+    def get_state(self) -> dict[str, Any]:
+        """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
+        return {
+            **self._fleet.get_state(),
+            "generators": [generator.bit_generator.state for generator in self._seeded(None)],
+            "seeds": list(self._seeds),
+            "ended": self._ended.tolist(),
+            "started": self._started.tolist(),
+            "observation": self._observation.tolist(),
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state that an environment of the same model, size and keywords gave.
+
+        Raises
+        ------
+        ValueError
+            If it is another environment's; nothing is changed then.
+        """
+        self._fleet.set_state(state)
+        self._generators = [generator_of(entry) for entry in state["generators"]]
+        self._seeds = list(state["seeds"])
+        self._ended, self._started = np.array(state["ended"]), np.array(state["started"])
+        self._observation = np.array(state["observation"], dtype=np.float32)
+
     def _step_then_reset_next(self, actions: ArrayLike) -> Step:
         restart = np.flatnonzero(self._ended)
-        observation, reward, terminated, truncated, info = self._fleet.step(
-            actions, restart if restart.size else None
-        )
+        observation, reward, terminated, truncated, info = self._fleet.step(actions)
         stepped = ~self._ended
         if restart.size:
             first, first_info = self._begin(restart)

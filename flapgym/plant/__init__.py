@@ -1,6 +1,51 @@
-"""What runs fast: flap actuator, modal form, superposition, and the plant of one or many turbines."""
+"""What runs fast: flap actuators, modal form, superposition, and the plant of one or many turbines."""
 
-from flapgym.plant.actuator import Actuator
-from flapgym.plant.plant import Interval, Plant
+from __future__ import annotations
 
-__all__ = ["Actuator", "Interval", "Plant"]
+import importlib.util
+
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.plant.actuator import Actuator, Faults
+from flapgym.plant.interface import GivenWind, Interval, Plant, Setup, Start, Task
+from flapgym.plant.lifted_plant import LiftedPlant
+
+__all__ = [
+    "KERNELS",
+    "PRECISIONS",
+    "Actuator",
+    "Faults",
+    "GivenWind",
+    "Interval",
+    "LiftedPlant",
+    "Plant",
+    "Setup",
+    "Start",
+    "Task",
+    "make_plant",
+]
+
+KERNELS = ("auto", "numba", "numpy")
+PRECISIONS = ("float64", "float32")
+
+
+def make_plant(model: TurbineModel, count: int, setup: Setup, task: Task) -> Plant:
+    """The plant of n turbines; compiled if numba is installed, which takes some seconds the very first time.
+
+    Raises
+    ------
+    ValueError
+        If kernel or precision is unknown.
+    ImportError
+        If numba is asked for and is not installed.
+    """
+    for name, known in (("kernel", KERNELS), ("precision", PRECISIONS)):
+        if getattr(setup, name) not in known:
+            raise ValueError(f"{name}: expected one of {', '.join(known)}, got {getattr(setup, name)!r}")
+    compiled = importlib.util.find_spec("numba") is not None
+    if setup.kernel == "numba" and not compiled:
+        raise ImportError('kernel: numba is not installed; pip install "flapgym[fast]", or take "numpy"')
+    if setup.kernel == "numpy" or not compiled:
+        return LiftedPlant(model, count, setup, task)
+    from flapgym.plant.compiled_plant import CompiledPlant
+
+    return CompiledPlant(model, count, setup, task)

@@ -1,7 +1,11 @@
-"""The flap actuator: a double integrator from acceleration to rate and angle between hard stops (paper section III)."""
+"""The flap actuator: a double integrator from acceleration to rate and angle between hard stops (paper section III).
+
+And what can be wrong with it: a lag before it, a flap that is stuck, one that carries less load or none.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,12 +19,50 @@ FEW = 16
 
 
 @dataclass(frozen=True)
-class Actuator:
-    """Angle and rate of a flap over the steps of one action, during which its acceleration a is held.
+class Faults:
+    """What the flaps of blades 1 to 3 suffer from; the default is nothing.
 
-    rate' = clip(rate + a dt, +-rate_limit), angle' = angle + dt / 2 (rate + rate'), clipped at
-    +-angle_limit, where the stop zeroes the rate that points into it. Exact for a held acceleration
-    as long as no stop is met; at a stop the trapezoid cuts one step short.
+    Parameters
+    ----------
+    effectiveness : (3,) float
+        Factor on what a flap does to the air: 1 for a sound one, 0 for one that floats, aligned with the flow.
+    stuck : (3,) float or None
+        Angle [rad] at which a flap is stuck, its commands ignored; None for one that moves.
+    lag : float
+        Time constant [s] of a first-order lag between the commanded acceleration and the one that acts; 0 for none.
+    """
+
+    effectiveness: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    stuck: tuple[float | None, float | None, float | None] = (None, None, None)
+    lag: float = 0.0
+
+    def __post_init__(self) -> None:
+        if len(self.effectiveness) != 3 or not all(math.isfinite(value) for value in self.effectiveness):
+            raise ValueError(f"faults.effectiveness: expected three finite factors, got {self.effectiveness}")
+        if len(self.stuck) != 3 or not all(value is None or math.isfinite(value) for value in self.stuck):
+            raise ValueError(f"faults.stuck: expected three angles [rad] or None, got {self.stuck}")
+        if not (math.isfinite(self.lag) and self.lag >= 0.0):
+            raise ValueError(f"faults.lag: expected a time constant [s] of at least 0, got {self.lag}")
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(3,) which flaps are stuck."""
+        return np.array([value is not None for value in self.stuck])
+
+    @property
+    def held_angle(self) -> Array:
+        """(3,) where they are [rad]; zero for the others."""
+        return np.array([value or 0.0 for value in self.stuck])
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """Angle and rate of a flap over the steps of one action, during which its command c is held.
+
+    lagged' = c + (lagged - c) exp(-dt / lag), rate' = clip(rate + change, +-rate_limit) with the exact change of
+    the lagged acceleration's integral (c dt without a lag), angle' = angle + dt / 2 (rate + rate'), clipped at
+    +-angle_limit, where the stop zeroes the rate that points into it. Without a lag exact as long as no stop is
+    met; at a stop the trapezoid cuts one step short.
 
     Parameters
     ----------
@@ -30,12 +72,15 @@ class Actuator:
         Sampling time dt [s].
     steps : int
         Plant steps k per action.
+    lag : float
+        Time constant [s].
     """
 
     angle_limit: float
     rate_limit: float
     time_step: float
     steps: int
+    lag: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("angle_limit", "rate_limit", "time_step"):
@@ -46,25 +91,39 @@ class Actuator:
             raise ValueError(f"actuator.steps: expected at least one, got {self.steps}")
 
     @cached_property
+    def decay(self) -> float:
+        """What a step leaves of the difference between lagged acceleration and command."""
+        return math.exp(-self.time_step / self.lag) if self.lag > 0.0 else 0.0
+
+    @cached_property
+    def gain(self) -> float:
+        """Mean of that difference over a step, per unit at its start."""
+        return (1.0 - self.decay) * self.lag / self.time_step if self.lag > 0.0 else 0.0
+
+    @cached_property
     def _free(self) -> Array:
-        """Motion without stops, (2 (k + 1), 3): angle and rate of samples 0..k in turn, from (angle, rate, a)."""
-        time = self.time_step * np.arange(self.steps + 1)
-        one, zero = np.ones_like(time), np.zeros_like(time)
-        angle, rate = np.stack([one, time, time**2 / 2], axis=1), np.stack([zero, one, time], axis=1)
-        return np.stack([angle, rate], axis=1).reshape(-1, 3)
+        """Motion without stops, (2 (k + 1), 4): angle and rate of samples 0..k, from (angle, rate, lagged, c)."""
+        dt, angle, rate, lagged, command = self.time_step, *np.eye(4)
+        rows = [angle, rate]
+        for _ in range(self.steps):
+            reached = rate + dt * (command + self.gain * (lagged - command))
+            angle, rate = angle + 0.5 * dt * (rate + reached), reached
+            lagged = command + self.decay * (lagged - command)
+            rows += [angle, rate]
+        return np.array(rows)
 
     @cached_property
     def _limits(self) -> Array:
         """The stop that belongs to each row of the motion, (2 (k + 1), 1)."""
         return np.tile([self.angle_limit, self.rate_limit], self.steps + 1)[:, None]
 
-    def move(self, command: Array) -> tuple[Array, NDArray[np.bool_] | None]:
+    def move(self, start: Array) -> tuple[Array, NDArray[np.bool_] | None]:
         """Motion of the flaps over one action.
 
         Parameters
         ----------
-        command : (n, 3, blades) float
-            Angle [rad] and rate [rad/s] at the start, and the held acceleration [rad/s^2].
+        start : (n, 4, blades) float
+            Angle [rad], rate [rad/s] and lagged acceleration [rad/s^2] at the start, and the held command [rad/s^2].
 
         Returns
         -------
@@ -73,25 +132,29 @@ class Actuator:
         stopped : (n, blades) bool or None
             Flaps that met a stop; None if none did, which is the cheap and the usual case.
         """
-        motion = self._free @ command
+        motion = self._free @ start
         beyond = np.abs(motion) > self._limits
         if not beyond.any():
             return motion, None
         stopped = np.asarray(beyond.any(axis=1))
         turbine, blade = np.nonzero(stopped)
-        start = command[turbine, :, blade]
         march = self._march_singly if turbine.size <= FEW else self._march_together
-        motion[turbine, :, blade] = march(start)
+        motion[turbine, :, blade] = march(start[turbine, :, blade])
         return motion, stopped
 
+    def lagged(self, start: Array) -> Array:
+        """Lagged acceleration (n, blades) at the end of the action."""
+        return start[:, 3] + self.decay**self.steps * (start[:, 2] - start[:, 3])
+
     def _march_together(self, start: Array) -> Array:
-        """Step by step with the stops, for flaps that meet one: commands (m, 3), motion (m, 2 (k + 1))."""
-        angle, rate, acceleration = start.T
+        """Step by step with the stops, for flaps that meet one: starts (m, 4), motion (m, 2 (k + 1))."""
+        angle, rate, lagged, command = start.T
         motion = np.empty((angle.size, self.steps + 1, 2))
         motion[:, 0, 0], motion[:, 0, 1] = angle, rate
-        gain = acceleration * self.time_step
         for step in range(1, self.steps + 1):
-            reached = np.minimum(np.maximum(rate + gain, -self.rate_limit), self.rate_limit)
+            change = (command + (lagged - command) * self.gain) * self.time_step
+            lagged = command + (lagged - command) * self.decay
+            reached = np.minimum(np.maximum(rate + change, -self.rate_limit), self.rate_limit)
             free = angle + 0.5 * self.time_step * (rate + reached)
             angle = np.minimum(np.maximum(free, -self.angle_limit), self.angle_limit)
             into_stop = (free != angle) & (free * reached > 0.0)
@@ -103,11 +166,12 @@ class Actuator:
         """The same, bit for bit, one flap at a time: for a few flaps plain floats are ten times as fast."""
         top_angle, top_rate, dt = self.angle_limit, self.rate_limit, self.time_step
         motion = []
-        for angle, rate, acceleration in start.tolist():
+        for angle, rate, lagged, command in start.tolist():
             path = [angle, rate]
-            gain = acceleration * dt
             for _ in range(self.steps):
-                reached = min(max(rate + gain, -top_rate), top_rate)
+                reached = rate + (command + (lagged - command) * self.gain) * dt
+                reached = min(max(reached, -top_rate), top_rate)
+                lagged = command + (lagged - command) * self.decay
                 angle = angle + 0.5 * dt * (rate + reached)
                 rate = reached
                 if angle > top_angle:

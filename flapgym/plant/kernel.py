@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
-from flapgym.aeroelastic.model import TurbineModel
-from flapgym.plant.disturbance import Disturbance, disturbance_modes
+from flapgym.aeroelastic.model import BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
+from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
 from flapgym.plant.frame import OutputRows, input_frame
+from flapgym.plant.layout import FLAP_INPUTS
 from flapgym.plant.lifted import Lifted, lift
 from flapgym.plant.modal import Modal, modal_form
-from flapgym.state_space import Array
-
-FLAP_INPUTS = 6
-"""The turbine's leading inputs: flap angle and rate, three components each."""
+from flapgym.state_space import Array, StateSpace
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,24 +25,53 @@ class Kernel:
 
     Attributes
     ----------
-    flap : Lifted
-        Flap motion components in the frame of the start to rows; the wind's rows are zero.
-    direct : (6, 8) float
-        Flap inputs of a sample to the outputs of the same sample.
+    flap : Modal
+        Flap angle and rate in components to the turbine's eight outputs.
+    wind : Modal
+        Wind to the eight outputs and the wind, for a wind known in advance.
     disturbance : Disturbance
+        White noise to rows in the frame of each sample.
     rows : OutputRows
     turn : float
         Azimuth of one step [rad].
     """
 
-    flap: Lifted
-    direct: Array
+    flap: Modal
+    wind: Modal
     disturbance: Disturbance
     rows: OutputRows
     turn: float
 
+    @cached_property
+    def direct(self) -> Array:
+        """(6, 8) flap inputs of a sample to the outputs of the same sample."""
+        return np.ascontiguousarray(self.flap.D.T)
 
-def prepare(model: TurbineModel, steps: int, length_scale: float, every_sample: bool) -> Kernel:
+    @cached_property
+    def lifted(self) -> Lifted:
+        """Flap motion components over an interval to its rows, both in the frame of the interval's start."""
+        steps = self.rows.steps
+        return lift(
+            _with_wind_row(self.flap),
+            steps,
+            self.rows.matrix(self.turn),
+            input_frame(steps, self.turn),
+        )
+
+    @cached_property
+    def back(self) -> Array:
+        """(count, count) rows in the frame of each sample to rows in the frame of the start, acting from the right."""
+        return np.asarray(self.rows.matrix(0.0) @ self.rows.matrix(self.turn).T)
+
+    def packed(self, outputs: Array) -> Array:
+        """Rows (intervals, count) in the frame of each sample from outputs (intervals k, 9)."""
+        flat = outputs.reshape(-1, self.rows.steps * outputs.shape[1])
+        return np.asarray(flat @ self.rows.matrix(0.0).T)
+
+
+def prepare(
+    model: TurbineModel, steps: int, length_scale: float, every_sample: bool, single_blade: bool = False
+) -> Kernel:
     """Kernel of a model; what was prepared for the same numbers before is used again.
 
     Parameters
@@ -55,8 +83,35 @@ def prepare(model: TurbineModel, steps: int, length_scale: float, every_sample: 
         Of the turbulence [m].
     every_sample : bool
         Keep tip deflection, tower and wind at every sample, not only at the last one of an interval.
+    single_blade : bool
+        Of the model's clamped single blade.
     """
+    if single_blade:
+        model = replace(model, turbine=blade_as_turbine(model.blade))
     return _kernel(_ByContent(model), OutputRows(steps, steps if every_sample else 1), length_scale)
+
+
+def blade_as_turbine(blade: StateSpace) -> StateSpace:
+    """The clamped blade in the place of a turbine's collective component; the other components and the tower rest."""
+    inputs = [TURBINE_INPUTS.index(name) for name in ("flap_angle_0", "flap_rate_0", "wind")]
+    outputs = [TURBINE_OUTPUTS.index(f"{name}_0") for name in BLADE_OUTPUTS]
+    B = np.zeros((blade.order, len(TURBINE_INPUTS)))
+    C, D = (
+        np.zeros((len(TURBINE_OUTPUTS), blade.order)),
+        np.zeros((len(TURBINE_OUTPUTS), len(TURBINE_INPUTS))),
+    )
+    B[:, inputs], C[outputs], D[np.ix_(outputs, inputs)] = blade.B, blade.C, blade.D
+    return StateSpace(blade.A, B, C, D, blade.time_step, TURBINE_INPUTS, TURBINE_OUTPUTS)
+
+
+def fingerprint(matrices: Iterable[Array], numbers: Iterable[float]) -> str:
+    """SHA-256 of numbers, to the last bit."""
+    digest = hashlib.sha256()
+    for matrix in matrices:
+        digest.update(np.ascontiguousarray(matrix).tobytes())
+    for number in numbers:
+        digest.update(float(number).hex().encode())
+    return digest.hexdigest()
 
 
 class _ByContent:
@@ -65,12 +120,8 @@ class _ByContent:
     def __init__(self, model: TurbineModel) -> None:
         self.model = model
         system = model.turbine
-        digest = hashlib.sha256()
-        for matrix in (system.A, system.B, system.C, system.D):
-            digest.update(np.ascontiguousarray(matrix).tobytes())
-        for number in (model.wind_speed, model.rotor_speed, model.time_step, model.turbulence_intensity):
-            digest.update(float(number).hex().encode())
-        self._key = digest.digest()
+        numbers = (model.wind_speed, model.rotor_speed, model.time_step, model.turbulence_intensity)
+        self._key = fingerprint((system.A, system.B, system.C, system.D), numbers)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _ByContent) and self._key == other._key
@@ -85,6 +136,11 @@ def _flap_modes(content: _ByContent) -> Modal:
     return modal_form(turbine.select(inputs=turbine.inputs[:FLAP_INPUTS]))
 
 
+@lru_cache(maxsize=4)
+def _wind_modes(content: _ByContent) -> Modal:
+    return wind_modes(content.model)
+
+
 @lru_cache(maxsize=8)
 def _disturbance_modes(content: _ByContent, length_scale: float) -> tuple[Modal, Array]:
     return disturbance_modes(content.model, length_scale)
@@ -92,15 +148,13 @@ def _disturbance_modes(content: _ByContent, length_scale: float) -> tuple[Modal,
 
 @lru_cache(maxsize=16)
 def _kernel(content: _ByContent, rows: OutputRows, length_scale: float) -> Kernel:
-    modes = _flap_modes(content)
-    wind_modes, root = _disturbance_modes(content, length_scale)
-    turn = content.model.rotor_speed * content.model.time_step
+    noise_modes, root = _disturbance_modes(content, length_scale)
     return Kernel(
-        flap=lift(_with_wind_row(modes), rows.steps, rows.matrix(turn), input_frame(rows.steps, turn)),
-        direct=np.ascontiguousarray(modes.D.T),
-        disturbance=Disturbance.of(wind_modes, root, rows, turn),
+        flap=_flap_modes(content),
+        wind=_wind_modes(content),
+        disturbance=Disturbance.of(noise_modes, root, rows, turn=0.0),
         rows=rows,
-        turn=turn,
+        turn=content.model.rotor_speed * content.model.time_step,
     )
 
 

@@ -95,7 +95,9 @@ def test_an_episode_lasts_its_duration_and_is_truncated(model_file):
 def test_only_a_state_that_is_not_finite_terminates(model_file):
     env = flapgym.envs.FlapEnv(model=model_file)
     env.reset(seed=0)
-    env._fleet.plant._state[0, 0] = np.nan
+    state = env.get_state()
+    state["turbines"][0]["plant"]["modes"][0] = np.nan
+    env.set_state(state)
     _, _, terminated, truncated, _ = env.step(np.zeros(3))
     assert terminated
     assert not truncated

@@ -1,0 +1,440 @@
+"""The step of one or many turbines as compiled code: flap actuators, modes, loads, reward and observation in one call.
+
+Superposition (flapgym.plant.plant): the flaps' response is stepped by modes, the wind's is read from a table. Turbines
+of a batch lie innermost, in blocks; a few turbines are stepped one after another with the modes innermost. All but
+the modes is the same code for both. flapgym.plant.sampled does the same with numpy; the layout is
+flapgym.plant.layout.
+
+Loops that a vector unit shall take run over slices of constant strides: only then does the compiler see that nothing
+overlaps. Indices into whole arrays, or strides it does not know, cost a factor of four.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from flapgym.plant.layout import (
+    ACCELERATION_LIMIT,
+    ANGLE,
+    ANGLE_LIMIT,
+    AZIMUTH,
+    BLADE_COUNT,
+    CONSTANTS,
+    COSINE,
+    COSINE_TURN,
+    COUNT,
+    DIRECT,
+    DRIVE,
+    EFFECTIVENESS,
+    ENTRY,
+    EVERY,
+    FEWEST_IN_BATCH,
+    FLAP_INPUTS,
+    GROUP,
+    GROUPS,
+    HEAD,
+    INTERVALS,
+    LAG_DECAY,
+    LAG_GAIN,
+    LANES,
+    MEAN_SQUARE,
+    NOISY,
+    OBSERVED,
+    OWN,
+    OWN_ANGLE,
+    OWN_AZIMUTH,
+    OWN_ELAPSED,
+    OWN_LAGGED,
+    OWN_LEVEL,
+    OWN_RATE,
+    OWN_RESPONSE,
+    OWN_TRAVEL,
+    RATE,
+    RATE_LIMIT,
+    RBM,
+    READ,
+    READ_LAST,
+    REWARD,
+    REWARD_ANGLE,
+    REWARD_RBM,
+    REWARD_TOWER,
+    ROW,
+    SAMPLE_ANGLE,
+    SAMPLE_RATE,
+    SAMPLE_RBM,
+    SAMPLE_TIP,
+    SAMPLE_TOWER,
+    SAMPLE_WIND,
+    SINE,
+    SINE_TURN,
+    STEPS,
+    STOPPED,
+    STUCK,
+    TIME_STEP,
+    TIP,
+    TOWER,
+    TRAVEL,
+    TURN,
+    WEIGHT_ANGLE,
+    WEIGHT_RBM,
+    WEIGHT_TOWER,
+    WIND,
+)
+
+OPTIONS: dict[str, Any] = {
+    # Sums may be reordered and products fused; NaN and infinity keep their meaning.
+    "fastmath": {"reassoc", "contract", "nsz"},
+    "error_model": "numpy",
+    "cache": True,
+}
+
+C1, S1 = math.cos(2.0 * math.pi / 3.0), math.sin(2.0 * math.pi / 3.0)
+"""From one blade to the next."""
+THIRD = 1.0 / 3.0
+PAIR = 2 * LANES
+ROW_PAIRS = 2 * GROUP
+GROUP_SIZE = CONSTANTS * GROUP
+
+
+@njit(**OPTIONS)
+def advance(actions, real, state, pool, observation, rows, samples):  # type: ignore[no-untyped-def]
+    """Hold actions for an interval; returns what happened.
+
+    Parameters
+    ----------
+    actions : (n blades,) float32 or float64
+        Fractions of the acceleration limit; clipped to +-1.
+    real : (..) float32 or float64
+        Constants of the modes, the modes, scratch.
+    state : (..) float64
+        Head, table of the observation, a record a turbine, noise.
+    pool : (responses, intervals, width) float32 or float64
+        Responses to the wind.
+    observation : (n observed,) float32
+        Filled.
+    rows : (n ROW,) float64
+        Filled.
+    samples : (n, k, SAMPLE) or (0, 0, 0) float64
+        Filled, if there is room.
+
+    Returns
+    -------
+    int
+        Bit 0: some turbine's reward is not finite. Bit 1: some turbine's episode is over. Negative, with everything
+        untouched: -1 for a wrong number of actions, -2 - i if action i is not finite.
+    """
+    n, k, groups = int(state[COUNT]), int(state[STEPS]), int(state[GROUPS])
+    if actions.size != n * int(state[BLADE_COUNT]):
+        return -1
+    for i in range(actions.size):
+        if not abs(actions[i]) < math.inf:
+            return -2 - i
+    every = state[EVERY] != 0.0
+    records = HEAD + ENTRY * int(state[OBSERVED])
+    constants = real[: groups * GROUP_SIZE]
+    status = 0
+    if n < FEWEST_IN_BATCH:
+        size = groups * ROW_PAIRS
+        modes = real[groups * GROUP_SIZE : groups * GROUP_SIZE + n * size]
+        scratch = real[groups * GROUP_SIZE + n * size :]
+        inputs = scratch[: (k + 1) * FLAP_INPUTS]
+        outputs = scratch[(k + 1) * FLAP_INPUTS : (k + 1) * FLAP_INPUTS + 8 * k]
+        sums = scratch[(k + 1) * FLAP_INPUTS + 8 * k :]
+        for t in range(n):
+            own = state[records + t * OWN : records + (t + 1) * OWN]
+            _move(t, 0, 1, actions, state, own, inputs, rows, samples)
+            _modes_of_one(k, every, constants, modes[t * size : (t + 1) * size], inputs, sums, outputs)
+            status |= _read(t, 0, 1, state, own, inputs, outputs, pool, observation, rows, samples)
+        return status
+    size = groups * GROUP * PAIR
+    blocks = (n + LANES - 1) // LANES
+    modes = real[groups * GROUP_SIZE : groups * GROUP_SIZE + blocks * size]
+    scratch = real[groups * GROUP_SIZE + blocks * size :]
+    inputs = scratch[: (k + 1) * FLAP_INPUTS * LANES]
+    outputs = scratch[(k + 1) * FLAP_INPUTS * LANES :]
+    for block in range(blocks):
+        first = block * LANES
+        lanes = min(LANES, n - first)
+        for lane in range(lanes):
+            t = first + lane
+            own = state[records + t * OWN : records + (t + 1) * OWN]
+            _move(t, lane, LANES, actions, state, own, inputs, rows, samples)
+        _modes_of_block(
+            lanes, k, every, groups, constants, modes[block * size : (block + 1) * size], inputs, outputs
+        )
+        for lane in range(lanes):
+            t = first + lane
+            own = state[records + t * OWN : records + (t + 1) * OWN]
+            status |= _read(t, lane, LANES, state, own, inputs, outputs, pool, observation, rows, samples)
+    return status
+
+
+@njit(**OPTIONS)
+def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type: ignore[no-untyped-def]
+    """Flaps of turbine t over the interval, as components at samples 0 to k; the row's part that is the flaps'."""
+    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
+    dt, record = state[TIME_STEP], samples.shape[0] > 0
+    top_angle, top_rate = state[ANGLE_LIMIT], state[RATE_LIMIT]
+    decay, gain = state[LAG_DECAY], state[LAG_GAIN]
+    angle_0, angle_c, angle_s = 0.0, 0.0, 0.0
+    azimuth = own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]
+    cosine, sine = math.cos(azimuth), math.sin(azimuth)
+    row = rows[t * ROW : (t + 1) * ROW]
+    row[COSINE], row[SINE] = cosine, sine
+    square = 0.0
+    for b in range(3):
+        row[STOPPED + b] = 0.0
+    for j in range(k + 1):
+        if j:
+            for b in range(blades):
+                if state[STUCK + b] != 0.0:
+                    continue
+                command = min(max(float(actions[t * blades + b]), -1.0), 1.0) * state[ACCELERATION_LIMIT]
+                behind = own[OWN_LAGGED + b] - command
+                angle, rate = own[OWN_ANGLE + b], own[OWN_RATE + b]
+                reached = rate + (command + behind * gain) * dt
+                own[OWN_LAGGED + b] = command + behind * decay
+                if reached > top_rate:
+                    reached = top_rate
+                    row[STOPPED + b] = 1.0
+                elif reached < -top_rate:
+                    reached = -top_rate
+                    row[STOPPED + b] = 1.0
+                moved = angle + 0.5 * dt * (rate + reached)
+                if moved > top_angle:
+                    moved, reached = top_angle, min(reached, 0.0)
+                    row[STOPPED + b] = 1.0
+                elif moved < -top_angle:
+                    moved, reached = -top_angle, max(reached, 0.0)
+                    row[STOPPED + b] = 1.0
+                own[OWN_TRAVEL + b] += abs(moved - angle)
+                own[OWN_ANGLE + b], own[OWN_RATE + b] = moved, reached
+            cosine, sine = (
+                cosine * state[COSINE_TURN] - sine * state[SINE_TURN],
+                sine * state[COSINE_TURN] + cosine * state[SINE_TURN],
+            )
+            for b in range(3):
+                square += own[OWN_ANGLE + b] ** 2
+                if record:
+                    samples[t, j - 1, SAMPLE_ANGLE + b] = own[OWN_ANGLE + b]
+                    samples[t, j - 1, SAMPLE_RATE + b] = own[OWN_RATE + b]
+        for kind in range(2):
+            first = state[EFFECTIVENESS] * own[3 * kind]
+            second = state[EFFECTIVENESS + 1] * own[3 * kind + 1]
+            third = state[EFFECTIVENESS + 2] * own[3 * kind + 2]
+            if blades == 3:
+                # cos(theta + 2 pi b / 3) summed with the flaps: what turns with blade 1, and across it.
+                along = first + C1 * (second + third)
+                across = S1 * (third - second)
+                angle_0 = THIRD * (first + second + third)
+                angle_c = 2.0 * THIRD * (cosine * along + sine * across)
+                angle_s = 2.0 * THIRD * (sine * along - cosine * across)
+            else:
+                angle_0 = first
+            place = (FLAP_INPUTS * j + 3 * kind) * stride + lane
+            inputs[place] = angle_0
+            inputs[place + stride] = angle_c
+            inputs[place + 2 * stride] = angle_s
+    for b in range(3):
+        row[ANGLE + b], row[RATE + b] = own[OWN_ANGLE + b], own[OWN_RATE + b]
+        row[TRAVEL + b] = own[OWN_TRAVEL + b]
+    row[REWARD_ANGLE] = -state[WEIGHT_ANGLE] * square / (k * blades)
+
+
+@njit(**OPTIONS)
+def _modes_of_one(k, every, constants, modes, inputs, sums, outputs):  # type: ignore[no-untyped-def]
+    """Modes of one turbine over the interval: outputs at samples 1 to k, without the feedthrough."""
+    sums[: k * 8 * GROUP] = 0.0
+    for g in range(modes.size // ROW_PAIRS):
+        c = constants[g * GROUP_SIZE : (g + 1) * GROUP_SIZE]
+        z = modes[g * ROW_PAIRS : (g + 1) * ROW_PAIRS]
+        for j in range(k):
+            u = inputs[j * FLAP_INPUTS : (j + 1) * FLAP_INPUTS]
+            u0, u1, u2, u3, u4, u5 = u[0], u[1], u[2], u[3], u[4], u[5]
+            y = sums[j * 8 * GROUP : (j + 1) * 8 * GROUP]
+            for i in range(GROUP):
+                re, im = z[i], z[i + GROUP]
+                real = (
+                    c[i] * re
+                    - c[i + GROUP] * im
+                    + c[i + DRIVE * GROUP] * u0
+                    + c[i + (DRIVE + 1) * GROUP] * u1
+                    + c[i + (DRIVE + 2) * GROUP] * u2
+                    + c[i + (DRIVE + 3) * GROUP] * u3
+                    + c[i + (DRIVE + 4) * GROUP] * u4
+                    + c[i + (DRIVE + 5) * GROUP] * u5
+                )
+                imag = (
+                    c[i + GROUP] * re
+                    + c[i] * im
+                    + c[i + (DRIVE + 6) * GROUP] * u0
+                    + c[i + (DRIVE + 7) * GROUP] * u1
+                    + c[i + (DRIVE + 8) * GROUP] * u2
+                    + c[i + (DRIVE + 9) * GROUP] * u3
+                    + c[i + (DRIVE + 10) * GROUP] * u4
+                    + c[i + (DRIVE + 11) * GROUP] * u5
+                )
+                z[i], z[i + GROUP] = real, imag
+                y[i] += c[i + READ * GROUP] * real + c[i + (READ + 1) * GROUP] * imag
+                y[i + GROUP] += c[i + (READ + 2) * GROUP] * real + c[i + (READ + 3) * GROUP] * imag
+                y[i + 2 * GROUP] += c[i + (READ + 4) * GROUP] * real + c[i + (READ + 5) * GROUP] * imag
+            if every or j == k - 1:
+                for i in range(GROUP):
+                    real, imag = z[i], z[i + GROUP]
+                    for o in range(5):
+                        y[i + (3 + o) * GROUP] += (
+                            c[i + (READ_LAST + 2 * o) * GROUP] * real
+                            + c[i + (READ_LAST + 2 * o + 1) * GROUP] * imag
+                        )
+    for j in range(k):
+        for o in range(8 if every or j == k - 1 else 3):
+            y = sums[(8 * j + o) * GROUP : (8 * j + o + 1) * GROUP]
+            total = y[0]
+            for i in range(1, GROUP):
+                total += y[i]
+            outputs[8 * j + o] = total
+
+
+@njit(**OPTIONS)
+def _modes_of_block(lanes, k, every, groups, constants, modes, inputs, outputs):  # type: ignore[no-untyped-def]
+    """The same for up to LANES turbines side by side, two modes at a time."""
+    outputs[: 8 * k * LANES] = 0.0
+    for pair in range(groups * GROUP // 2):
+        c = constants[(pair // (GROUP // 2)) * GROUP_SIZE + 2 * (pair % (GROUP // 2)) :]
+        l0, l1 = c[0], c[GROUP]
+        a0, a1, a2 = c[DRIVE * GROUP], c[(DRIVE + 1) * GROUP], c[(DRIVE + 2) * GROUP]
+        a3, a4, a5 = c[(DRIVE + 3) * GROUP], c[(DRIVE + 4) * GROUP], c[(DRIVE + 5) * GROUP]
+        b0, b1, b2 = c[(DRIVE + 6) * GROUP], c[(DRIVE + 7) * GROUP], c[(DRIVE + 8) * GROUP]
+        b3, b4, b5 = c[(DRIVE + 9) * GROUP], c[(DRIVE + 10) * GROUP], c[(DRIVE + 11) * GROUP]
+        r0, r1, r2 = c[READ * GROUP], c[(READ + 1) * GROUP], c[(READ + 2) * GROUP]
+        r3, r4, r5 = c[(READ + 3) * GROUP], c[(READ + 4) * GROUP], c[(READ + 5) * GROUP]
+        d = c[1:]
+        m0, m1 = d[0], d[GROUP]
+        e0, e1, e2 = d[DRIVE * GROUP], d[(DRIVE + 1) * GROUP], d[(DRIVE + 2) * GROUP]
+        e3, e4, e5 = d[(DRIVE + 3) * GROUP], d[(DRIVE + 4) * GROUP], d[(DRIVE + 5) * GROUP]
+        f0, f1, f2 = d[(DRIVE + 6) * GROUP], d[(DRIVE + 7) * GROUP], d[(DRIVE + 8) * GROUP]
+        f3, f4, f5 = d[(DRIVE + 9) * GROUP], d[(DRIVE + 10) * GROUP], d[(DRIVE + 11) * GROUP]
+        s0, s1, s2 = d[READ * GROUP], d[(READ + 1) * GROUP], d[(READ + 2) * GROUP]
+        s3, s4, s5 = d[(READ + 3) * GROUP], d[(READ + 4) * GROUP], d[(READ + 5) * GROUP]
+        z = modes[2 * pair * PAIR : 2 * (pair + 1) * PAIR]
+        for j in range(k):
+            u = inputs[j * FLAP_INPUTS * LANES : (j + 1) * FLAP_INPUTS * LANES]
+            y = outputs[8 * j * LANES : 8 * (j + 1) * LANES]
+            for t in range(lanes):
+                u0, u1, u2 = u[t], u[t + LANES], u[t + 2 * LANES]
+                u3, u4, u5 = u[t + 3 * LANES], u[t + 4 * LANES], u[t + 5 * LANES]
+                re, im, sr, si = z[t], z[t + LANES], z[t + 2 * LANES], z[t + 3 * LANES]
+                real = l0 * re - l1 * im + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3 + a4 * u4 + a5 * u5
+                imag = l1 * re + l0 * im + b0 * u0 + b1 * u1 + b2 * u2 + b3 * u3 + b4 * u4 + b5 * u5
+                next_real = m0 * sr - m1 * si + e0 * u0 + e1 * u1 + e2 * u2 + e3 * u3 + e4 * u4 + e5 * u5
+                next_imag = m1 * sr + m0 * si + f0 * u0 + f1 * u1 + f2 * u2 + f3 * u3 + f4 * u4 + f5 * u5
+                z[t], z[t + LANES], z[t + 2 * LANES], z[t + 3 * LANES] = real, imag, next_real, next_imag
+                y[t] += r0 * real + r1 * imag + s0 * next_real + s1 * next_imag
+                y[t + LANES] += r2 * real + r3 * imag + s2 * next_real + s3 * next_imag
+                y[t + 2 * LANES] += r4 * real + r5 * imag + s4 * next_real + s5 * next_imag
+            if every or j == k - 1:
+                for o in range(5):
+                    g0, g1 = c[(READ_LAST + 2 * o) * GROUP], c[(READ_LAST + 2 * o + 1) * GROUP]
+                    h0, h1 = d[(READ_LAST + 2 * o) * GROUP], d[(READ_LAST + 2 * o + 1) * GROUP]
+                    last = y[(3 + o) * LANES : (4 + o) * LANES]
+                    for t in range(lanes):
+                        last[t] += (
+                            g0 * z[t] + g1 * z[t + LANES] + h0 * z[t + 2 * LANES] + h1 * z[t + 3 * LANES]
+                        )
+
+
+@njit(**OPTIONS)
+def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows, samples):  # type: ignore[no-untyped-def]
+    """Loads, reward and observation of turbine t; its clock goes on."""
+    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
+    every, record = state[EVERY] != 0.0, samples.shape[0] > 0
+    level, elapsed = own[OWN_LEVEL], int(own[OWN_ELAPSED])
+    direct = state[DIRECT : DIRECT + 8 * FLAP_INPUTS]
+    wind = pool[int(own[OWN_RESPONSE]), min(elapsed, int(state[INTERVALS]) - 1)]
+    row = rows[t * ROW : (t + 1) * ROW]
+    cosine, sine = row[COSINE], row[SINE]
+    for b in range(3):
+        row[MEAN_SQUARE + b] = 0.0
+    fore_aft = 0.0
+    y0, y1, y2 = 0.0, 0.0, 0.0
+    for j in range(1, k + 1):
+        cosine, sine = (
+            cosine * state[COSINE_TURN] - sine * state[SINE_TURN],
+            sine * state[COSINE_TURN] + cosine * state[SINE_TURN],
+        )
+        last = every or j == k
+        for quantity in range(2 if last else 1):
+            start = 3 * (j - 1) if quantity == 0 else 3 * k + (3 * (j - 1) if every else 0)
+            for c in range(3):
+                value = float(outputs[(8 * (j - 1) + 3 * quantity + c) * stride + lane])
+                for i in range(FLAP_INPUTS):
+                    value += (
+                        direct[(3 * quantity + c) * FLAP_INPUTS + i]
+                        * inputs[(j * FLAP_INPUTS + i) * stride + lane]
+                    )
+                value += level * wind[start + c]
+                if c == 0:
+                    y0 = value
+                elif c == 1:
+                    y1 = value
+                else:
+                    y2 = value
+            base = RBM if quantity == 0 else TIP
+            if blades == 3:
+                along, across = y1 * cosine + y2 * sine, y2 * cosine - y1 * sine
+                row[base] = y0 + along
+                row[base + 1] = y0 + C1 * along + S1 * across
+                row[base + 2] = y0 + C1 * along - S1 * across
+            else:
+                row[base], row[base + 1], row[base + 2] = y0, 0.0, 0.0
+        for b in range(3):
+            row[MEAN_SQUARE + b] += row[RBM + b] ** 2
+        if last:
+            start = 6 * k + 3 * (j - 1) if every else 3 * k + 3
+            for c in range(2):
+                value = float(outputs[(8 * (j - 1) + 6 + c) * stride + lane])
+                for i in range(FLAP_INPUTS):
+                    value += direct[(6 + c) * FLAP_INPUTS + i] * inputs[(j * FLAP_INPUTS + i) * stride + lane]
+                row[TOWER + c] = value + level * wind[start + c]
+            row[WIND] = level * wind[start + 2]
+            fore_aft += row[TOWER] ** 2
+        if record:
+            sample = samples[t, j - 1]
+            for b in range(3):
+                sample[SAMPLE_RBM + b], sample[SAMPLE_TIP + b] = row[RBM + b], row[TIP + b]
+            sample[SAMPLE_TOWER], sample[SAMPLE_TOWER + 1] = row[TOWER], row[TOWER + 1]
+            sample[SAMPLE_WIND] = row[WIND]
+    total = 0.0
+    for b in range(3):
+        row[MEAN_SQUARE + b] /= k
+        total += row[MEAN_SQUARE + b]
+    row[COSINE], row[SINE] = cosine, sine
+    row[REWARD_RBM] = -state[WEIGHT_RBM] * total / blades
+    row[REWARD_TOWER] = -state[WEIGHT_TOWER] * fore_aft / k
+    row[REWARD] = row[REWARD_RBM] + row[REWARD_ANGLE] + row[REWARD_TOWER]
+    own[OWN_ELAPSED] += 1.0
+    turn = 2.0 * math.pi
+    azimuth = (own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]) % turn
+    row[AZIMUTH] = azimuth if azimuth < turn else 0.0
+    _observe(t, elapsed + 1, state, row, observation)
+    status = 0 if abs(row[REWARD]) < math.inf else 1
+    return status | (2 if elapsed + 1 >= state[INTERVALS] else 0)
+
+
+@njit(**OPTIONS)
+def _observe(t, sample, state, row, observation):  # type: ignore[no-untyped-def]
+    """The observation of a row, rounded before it is bounded: a stop rounded up would leave the space."""
+    observed = int(state[OBSERVED])
+    noise = HEAD + ENTRY * observed + OWN * int(state[COUNT])
+    noise += 3 * (t * (int(state[INTERVALS]) + 1) + sample)
+    for i in range(observed):
+        entry = state[HEAD + ENTRY * i : HEAD + ENTRY * (i + 1)]
+        value = row[int(entry[0])]
+        if state[NOISY] != 0.0 and entry[3] >= 0.0:
+            value += state[noise + int(entry[3])]
+        bound = np.float32(entry[2])
+        observation[t * observed + i] = min(max(np.float32(value * entry[1]), -bound), bound)

@@ -1,0 +1,120 @@
+"""Responses to the wind, one a turbine or a pool of them shared by all plants of the process (superposition)."""
+
+from __future__ import annotations
+
+import weakref
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flapgym.plant.disturbance import wind_response
+from flapgym.plant.interface import GivenWind, Setup, Start
+from flapgym.plant.kernel import Kernel
+from flapgym.plant.layout import OUTPUTS
+from flapgym.state_space import Array
+
+
+class Pool:
+    """Realisations 0, 1, ... of the turbulence: number i is the one of seed i. Each is computed when first wanted.
+
+    Parameters
+    ----------
+    kernel : Kernel
+    intervals : int
+        Length of an episode.
+    size : int
+    precision : str
+        Of the responses, which take size x intervals x rows numbers.
+    """
+
+    def __init__(self, kernel: Kernel, intervals: int, size: int, precision: str) -> None:
+        self.first = np.zeros((size, OUTPUTS))
+        self.rows = np.zeros((size, intervals, kernel.rows.count), dtype=precision)
+        self._kernel, self._intervals = kernel, intervals
+        self._known = np.zeros(size, dtype=bool)
+
+    def fill(self, wanted: NDArray[np.int64]) -> None:
+        """Make sure that these realisations are there."""
+        for index in np.unique(wanted[~self._known[wanted]]):
+            noise = realisation_noise(int(index), self._kernel.disturbance.noise_count(self._intervals))
+            first, rows = self._kernel.disturbance.respond(noise[None], self._intervals)
+            self.first[index], self.rows[index] = first[0], rows[0]
+            self._known[index] = True
+
+
+def realisation_noise(seed: int, count: int) -> Array:
+    """Standard normal numbers that make the realisation of a seed."""
+    return np.random.default_rng(seed).standard_normal(count)
+
+
+_POOLS: weakref.WeakValueDictionary[tuple[Any, ...], Pool] = weakref.WeakValueDictionary()
+
+
+def shared_pool(kernel: Kernel, intervals: int, size: int, precision: str) -> Pool:
+    """The pool of these properties, made if no plant of the process holds it."""
+    key = (kernel, intervals, size, precision)
+    pool = _POOLS.get(key)
+    if pool is None:
+        pool = _POOLS[key] = Pool(kernel, intervals, size, precision)
+    return pool
+
+
+class Responses:
+    """What the wind does to n turbines over an episode.
+
+    Attributes
+    ----------
+    rows : (places, intervals, count) float
+        In the frame of each sample.
+    place : (n,) int
+        Where each turbine's response is.
+    level : (n,) float
+        Factor on it.
+    """
+
+    def __init__(self, kernel: Kernel, count: int, setup: Setup, reference_intensity: float) -> None:
+        self._kernel, self._setup, self._reference = kernel, setup, reference_intensity
+        self._pool = shared_pool(kernel, setup.intervals, setup.pool, setup.precision) if setup.pool else None
+        self.rows = (
+            np.zeros((count, setup.intervals, kernel.rows.count), dtype=setup.precision)
+            if self._pool is None
+            else self._pool.rows
+        )
+        self.place = np.arange(count) if self._pool is None else np.zeros(count, dtype=np.int64)
+        self.level = np.ones(count)
+        self._gust: tuple[GivenWind, Array, Array] | None = None
+
+    def draw(self, turbines: NDArray[np.int64], start: Start) -> Array:
+        """Prepare m episodes; the outputs (m, 9) at sample 0.
+
+        One turbine after another: then a realisation is the same to the last bit, whoever else is reset with it.
+        """
+        levels = np.asarray(start.intensity) / self._reference
+        if self._pool is not None:
+            if start.realisation is None or start.gust is not None:
+                raise ValueError("start: a pool of realisations takes their numbers, and no other wind")
+            self._pool.fill(start.realisation)
+            self.place[turbines], self.level[turbines] = start.realisation, levels
+            return self._pool.first[start.realisation] * levels[:, None]
+        first = np.zeros((len(turbines), OUTPUTS))
+        for index, (turbine, level) in enumerate(zip(turbines, levels, strict=True)):
+            if level > 0.0 and start.noise is not None:
+                begin, rows = self._kernel.disturbance.respond(
+                    start.noise[index : index + 1], self._setup.intervals
+                )
+                first[index] = begin[0] * level
+                np.multiply(rows[0], level, out=self.rows[turbine], casting="same_kind")
+            else:
+                self.rows[turbine] = 0.0
+        if start.gust is not None:
+            begin_gust, gust_rows = self._gust_response(start.gust)
+            first += begin_gust
+            self.rows[turbines] += gust_rows.astype(self.rows.dtype)
+        return first
+
+    def _gust_response(self, gust: GivenWind) -> tuple[Array, Array]:
+        if self._gust is None or self._gust[0] is not gust:
+            outputs = wind_response(self._kernel.wind, gust.wind, gust.before)
+            self._gust = (gust, outputs[0], self._kernel.packed(outputs[1:]))
+        return self._gust[1:]

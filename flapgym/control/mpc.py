@@ -155,10 +155,10 @@ class PredictiveController:
         beyond = (np.abs(rows) > 1.0 + TOLERANCE).any(axis=-1)
         for index in np.argwhere(beyond):
             place = tuple(index)
-            action[place] = self._within(action[place], rows[place], measured[place][2])
+            action[place] = self.within(action[place], rows[place], measured[place][2])
         return np.clip(action, -1.0, 1.0).astype(np.float32), after[..., :n]
 
-    def _within(self, action: float, rows: Array, rate: float) -> float:
+    def within(self, action: float, rows: Array, rate: float) -> float:
         """The optimal action of a blade with a stop in sight."""
         self._solver.update(bupper=1.0 - rows, blower=-1.0 - rows)
         offsets, _, flag, _ = self._solver.solve()

@@ -61,11 +61,11 @@ def simulate(
     observation, first = environment.reset(seed=list(seeds))
     # Predictive controllers may be given the wind before it comes, as a lidar would.
     preview = getattr(agent, "preview", 0)
-    coming = coming_wind(model, seeds, kept + preview) if preview else None
+    coming = coming_wind(model, seeds, kept + preview, **settings) if preview else None
     state, start, done = None, np.ones(len(seeds), dtype=bool), 0
     while done < kept:
         if coming is not None:
-            observation = np.hstack([observation, coming[:, done + 1 : done + 1 + preview]])
+            observation = np.hstack([observation, coming[:, done : done + preview]])
         action, state = agent.predict(observation, state, start)
         observation, _, terminated, truncated, info = environment.step(action)
         for name in _SAMPLES:
@@ -80,6 +80,6 @@ def simulate(
     return Record(**series, azimuth=first["azimuth"], time_step=model.time_step)
 
 
-def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int) -> np.ndarray:
-    """Wind perturbation of each realisation (N, samples + 1) [m/s], which no agent changes."""
-    return simulate(OpenLoop(), model, seeds, (samples + 1) * model.time_step).wind
+def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **settings: Any) -> np.ndarray:
+    """Wind perturbation of each realisation at samples 1 to so many, (N, samples) [m/s]; no agent changes it."""
+    return simulate(OpenLoop(), model, seeds, samples * model.time_step, **settings).wind

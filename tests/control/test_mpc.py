@@ -188,7 +188,28 @@ def test_knowing_the_wind_before_it_comes_lowers_the_load():
 def test_the_wind_told_is_the_wind_met():
     record = simulate(lqg_agent("lqg", MODEL, GENTLE), MODEL, [5, 6], 3.0)
     coming = coming_wind(MODEL, [5, 6], record.wind.shape[1])
-    np.testing.assert_allclose(coming[:, : record.wind.shape[1]], record.wind, atol=1e-9)
+    np.testing.assert_allclose(coming, record.wind, atol=1e-9)
+
+
+class _Listener:
+    """Notes the wind it meets and the wind it is told of."""
+
+    name, observe, steps_per_action, model_hash, preview = "listener", ("wind",), 1, None, 3
+
+    def __init__(self):
+        self.heard = []
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        self.heard.append(np.array(observation))
+        return np.zeros((len(observation), 3), dtype=np.float32), None
+
+
+def test_the_first_sample_told_is_that_of_the_next_step():
+    listener = _Listener()
+    simulate(listener, MODEL, [5, 6], 0.5)
+    heard = np.array(listener.heard)
+    np.testing.assert_allclose(heard[:-1, :, 1], heard[1:, :, 0], atol=1e-6)
+    np.testing.assert_allclose(heard[:-2, :, 3], heard[2:, :, 1], atol=1e-6)
 
 
 def test_a_batch_gives_what_each_entry_gives_alone():

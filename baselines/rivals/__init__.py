@@ -1,0 +1,1 @@
+"""Rivals of the LQG and the bound of all: `python -m baselines.rivals`."""

@@ -1,0 +1,111 @@
+"""The study as a section of a report."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from baselines.paper.document import Section, Table, percent
+from baselines.rivals.bound import HOLD
+from baselines.rivals.duty import EqualLoad
+from baselines.rivals.study import NOISES, Outcome, Study
+from flapgym.evaluation import paired_change
+from flapgym.state_space import Array
+
+CHANGES = {"rbm_rms": "RBM rms", "tip_rms": "tip rms", "rbm_del": "RBM DEL", "tower_rms": "tower rms"}
+EQUAL = ("LQG", "PD", "PID", "LQG, acceleration weighed 1000 times")
+
+
+def rivals_section(study: Study) -> Section:
+    """All of it; what is in the study's cache is not computed again."""
+    found = study.all_outcomes()
+    ideal = study.ideal()
+    reference, base = found["open_loop"][1], found["lqg"][1]
+    rows = [_row(rival.label, outcome, reference, base) for rival, outcome in list(found.values())[1:]]
+    rows.append(_row("bound: best motion, wind known", ideal.outcome, reference, base))
+    promised = np.sqrt(np.mean(ideal.outcome.metrics.rbm_rms**2, axis=1)) / ideal.programme_rms - 1.0
+    spent = 1e6 * study.solve_times()
+    return Section(
+        "Rivals of the LQG, and the bound",
+        (
+            f"Change against open loop on the same {study.realisations} realisations of {study.duration:.0f} s, mean "
+            "over blades and realisations, 95 % paired bootstrap interval. Power is over that of the LQG whose flap "
+            "just meets its stop: to move the flap's inertia (mean modulus of rate times acceleration), and against a "
+            "hinge moment in proportion to the angle (mean modulus of angle times rate).",
+            Table(
+                (
+                    "controller",
+                    *(f"{label} [%]" for label in CHANGES.values()),
+                    "travel [deg/s]",
+                    "rate rms [deg/s]",
+                    "inertial power",
+                    "hinge power",
+                    "time at the stop [%]",
+                    "largest rate [deg/s]",
+                ),
+                tuple(rows),
+            ),
+            "The bound is the least mean square of the blades' mean moment that a common flap motion within the stops "
+            "of angle, rate and acceleration can have over each realisation, the whole wind known. Largest duality gap "
+            f"{ideal.gap.max():.0e} of the mean square, largest violation of the optimality conditions "
+            f"{ideal.residual.max():.0e}; the acceleration is held over {HOLD} steps. Played back on the whole turbine "
+            f"its rms moment is {100 * promised.mean():+.2f} % off what the programme promises (the reduced response, "
+            "and what the blades differ by). Tip deflection and DEL are of the same motion, which is best in the "
+            "moment's mean square, not in them.",
+            _summary(found["lqg_saturating"][1], found["mpc"][1], ideal.outcome, reference),
+            f"Of the predictive controller's optima on a minute of wind, {spent.size} had a stop in sight; one took "
+            f"{np.median(spent):.0f} microseconds (median), {np.percentile(spent, 99):.0f} (99 of 100), "
+            f"{spent.max():.0f} (most), on one core, of 7 ms.",
+            "Actuator duty at the load of that LQG: gains of PD and PID, and the weight on the moment of an LQG that "
+            "weighs acceleration a thousand times as heavily, brought to its rms moment, by Lyapunov equations (stops "
+            "left out).",
+            _equal_load(study.equal_load()),
+        ),
+    )
+
+
+def _row(label: str, ours: Outcome, reference: Outcome, base: Outcome) -> tuple[str, ...]:
+    changes = [paired_change(getattr(ours.metrics, key), getattr(reference.metrics, key)) for key in CHANGES]
+    duty = ours.duty
+    return (
+        label,
+        *(percent(change) for change in changes),
+        f"{np.rad2deg(duty.travel.mean()):.2f}",
+        f"{np.rad2deg(duty.rate_rms.mean()):.2f}",
+        f"{duty.inertial_power.mean() / base.duty.inertial_power.mean():.2f}",
+        f"{duty.hinge_power.mean() / base.duty.hinge_power.mean():.2f}",
+        f"{100 * duty.at_stop.mean():.1f}",
+        f"{np.rad2deg(ours.metrics.flap_rate_max.max()):.0f}",
+    )
+
+
+def _summary(saturating: Outcome, mpc: Outcome, ideal: Outcome, reference: Outcome) -> str:
+    """How much of what is possible the causal controllers take."""
+    falls = {
+        name: -100.0 * paired_change(each.metrics.rbm_rms, reference.metrics.rbm_rms).mean
+        for name, each in (("saturating", saturating), ("mpc", mpc), ("bound", ideal))
+    }
+    between = paired_change(mpc.metrics.rbm_rms, saturating.metrics.rbm_rms)
+    return (
+        f"The saturating LQG takes {falls['saturating']:.1f} of the {falls['bound']:.1f} % that are possible, MPC of "
+        f"the same weights {falls['mpc']:.1f}: knowing the stops changes the RBM rms by {percent(between)} %."
+    )
+
+
+def _equal_load(found: Array) -> Table:
+    columns = list(EqualLoad.__dataclass_fields__)
+    rows = []
+    for noise, controllers in zip(NOISES, found, strict=True):
+        base = dict(zip(columns, controllers[0], strict=True))
+        for label, values in zip(EQUAL, controllers, strict=True):
+            one = dict(zip(columns, values, strict=True))
+            rows.append(
+                (
+                    f"{100 * noise:g} %",
+                    label,
+                    f"{100 * one['rbm_change']:+.1f}",
+                    *(f"{np.rad2deg(one[key]):.2f}" for key in ("angle_rms", "travel", "rate_rms")),
+                    *(f"{one[key] / base[key]:.2f}" for key in ("inertial_power", "hinge_power")),
+                )
+            )
+    head = ("noise", "controller", "RBM rms [%]", "flap rms [deg]", "travel [deg/s]", "rate rms [deg/s]")
+    return Table((*head, "inertial power", "hinge power"), tuple(rows))

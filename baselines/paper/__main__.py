@@ -22,7 +22,7 @@ from baselines.paper.control_sections import LABELS, gust_alleviation, robustnes
 from baselines.paper.controllers import VARIANTS, Controllers, Plants
 from baselines.paper.document import Section, Table, as_html, as_markdown
 from baselines.paper.effects import effects_of, effects_section, measure_effects
-from baselines.paper.models import built, unscaled_flap
+from baselines.paper.models import VARIATIONS, built, unscaled_flap
 from baselines.paper.readings import reading, readings_section
 from baselines.paper.robustness import sensitivity
 from baselines.paper.scores import Trial, first, measured, metrics_of, score
@@ -74,6 +74,7 @@ class Study:
         self.parts = folder / "parts"
         self.cache = Cache(self.parts, model.hash)
         self.duration = QUICK_DURATION if quick else PAPER_LENGTH * model.length_scale / model.wind_speed
+        self.quick = quick
         self.realisations = 2 if quick else realisations
         self.bar = bar
         names = [variant.name for variant in VARIANTS]
@@ -154,12 +155,13 @@ class Study:
     def robustness(self) -> Section:
         """Sensitivities and margins."""
         names = [name for name in ROBUST if name in self.names]
-        return robustness(
-            {
-                name: sensitivity(self.controllers.agent(name), self.model, self.cache, self.told)
-                for name in names
-            }
-        )
+        changed = {} if self.quick else VARIATIONS
+        others = {label: built(change(self.case), self.parts, self.told) for label, change in changed.items()}
+        agents = (self.controllers.agent(name) for name in names)
+        found = {
+            agent.name: sensitivity(agent, self.model, others, self.cache, self.told) for agent in agents
+        }
+        return robustness(found, tuple(others))
 
     def table1(self) -> Section:
         """Natural frequencies."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from baselines.paper.controllers import VARIANTS
@@ -128,16 +130,16 @@ def _sentences(scores: dict[str, Score], base: Score) -> list[str]:
     return lines
 
 
-def robustness(found: dict[str, tuple[Array, Array]]) -> Section:
-    """Loads off the design conditions, and margins."""
+def robustness(found: dict[str, tuple[Array, Array]], others: Sequence[str] = ()) -> Section:
+    """Loads off the design conditions and on `others`, turbines by name; and margins."""
     names = list(found)
     rows = []
-    for index, condition in enumerate(CONDITIONS):
+    for index, condition in enumerate((*CONDITIONS, *others)):
         cells = []
         for changes, _ in found.values():
-            moment, tip, flap = changes[:, index]
+            moment, tip, flap, frequency, doubling = changes[:, index]
             cells.append(
-                "unstable"
+                f"unstable: {frequency:.1f} Hz, doubles in {doubling:.0f} s"
                 if np.isnan(moment)
                 else f"{100 * moment:+.1f} / {100 * tip:+.1f} / {np.rad2deg(flap):.2f}"
             )
@@ -152,7 +154,8 @@ def robustness(found: dict[str, tuple[Array, Array]]) -> Section:
             "Change of the RBM rms and of the tip's rms against open loop in the same wind [%], and rms flap angle "
             "[deg], of the linear closed loop by the Lyapunov equation; stops left out, so where the flap's rms "
             "exceeds about 2.5 deg they would cut in. The designs stay as they are: only the turbine, the wind or the "
-            "measurement changes. A delay of one step is 7 ms; noise is a fraction of the open-loop RBM rms.",
+            "measurement changes; turbines are built anew from the changed case. A delay of one step is 7 ms; noise "
+            "is a fraction of the open-loop RBM rms.",
             Table(("condition", *(LABELS[name] for name in names)), tuple(rows)),
             "Margins of the full closed loop. The disk margin is at the three measured moments together, and so covers "
             "blades whose errors differ; gain and phase are what it guarantees. The last two columns are exact: the "

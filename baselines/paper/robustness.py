@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import closed_loop, stability, stationary_rms
 from flapgym.control.margins import delay_margin, disk_margin, late_measurement
-from flapgym.state_space import Array
+from flapgym.state_space import Array, StateSpace
 
 EFFECTIVENESS = (0.7, 1.0, 1.3)
 LENGTHS = (73.5, 147.0, 340.0)
@@ -35,15 +35,20 @@ MARGINS = (
 
 
 def sensitivity(
-    agent: LinearController, model: TurbineModel, cache: Cache, advanced: Callable[[str], None]
+    agent: LinearController,
+    model: TurbineModel,
+    others: Mapping[str, TurbineModel],
+    cache: Cache,
+    advanced: Callable[[str], None],
 ) -> tuple[Array, Array]:
-    """Change of the rms under each of ``CONDITIONS``, and flap stroke; then ``MARGINS``.
+    """Loads and stroke of the linear loop under each of ``CONDITIONS`` and on other turbines; then ``MARGINS``.
 
     Returns
     -------
-    changes : (3, conditions) float
-        Of the moment's and the tip's rms against open loop in the same wind, fractions; rms flap angle [rad]. NaN where
-        the loop is unstable.
+    changes : (5, conditions + others) float
+        Change of the moment's and the tip's rms against open loop on that turbine in the same wind, fractions; rms
+        flap angle [rad]; NaN where the loop is unstable. Then frequency [Hz] and doubling time [s] of what grows
+        fastest, NaN where nothing does.
     margins : (6,) float
         In the order of ``MARGINS``; infinite without bound.
     """
@@ -56,6 +61,7 @@ def sensitivity(
         cases += [{"measurement_noise": noise * model.rbm_rms} for noise in NOISES]
         columns = [_change(model, agent, 0, **case) for case in cases]
         columns += [_change(model, agent, delay) for delay in DELAYS]
+        columns += [_change(other, agent, 0) for other in others.values()]
         return {"changes": np.array(columns).T}
 
     def margins() -> dict[str, Array]:
@@ -70,19 +76,33 @@ def sensitivity(
         ]
         return {"margins": np.array(found)}
 
-    found = cache.arrays(f"sensitivity-{agent.name}", mark, changes)["changes"]
+    turbines = {"others": [other.hash for other in others.values()]}
+    found = cache.arrays(f"sensitivity-{agent.name}", mark | turbines, changes)["changes"]
     advanced(agent.name)
     return found, cache.arrays(f"margins-{agent.name}", mark, margins)["margins"]
 
 
+def growth(loop: StateSpace) -> tuple[float, float] | None:
+    """Frequency [Hz] and doubling time [s] of the fastest growing mode; None if all decay."""
+    values = np.linalg.eigvals(loop.A)
+    fastest = values[np.abs(values).argmax()]
+    if abs(fastest) < 1.0:
+        return None
+    rate = np.log(fastest + 0j) / loop.time_step
+    return abs(rate.imag) / (2.0 * np.pi), float(np.log(2.0) / rate.real) if rate.real > 0.0 else np.inf
+
+
 def _change(model: TurbineModel, agent: LinearController, delay: int, **case: float) -> list[float]:
     system = late_measurement(agent.system, delay, model.rotor_speed)
-    if closed_loop(model, system, case.get("effectiveness", 1.0)).spectral_radius() >= 1.0:
-        return [np.nan] * 3
+    grows = growth(closed_loop(model, system, case.get("effectiveness", 1.0)))
+    if grows is not None:
+        return [np.nan, np.nan, np.nan, *grows]
     reference = stationary_rms(model, length_scale=case.get("length_scale"))
     ours = stationary_rms(model, system, **case)  # type: ignore[arg-type]
     return [
         ours["rbm"] / reference["rbm"] - 1.0,
         ours["tip_deflection"] / reference["tip_deflection"] - 1.0,
         ours["flap_angle"],
+        np.nan,
+        np.nan,
     ]

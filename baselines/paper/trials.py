@@ -13,7 +13,7 @@ from baselines.paper.cache import Cache
 from baselines.paper.document import Section, Table
 from baselines.paper.late import late
 from baselines.paper.models import VARIATIONS, built
-from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES
+from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES, growth
 from baselines.paper.scores import Trial, measured, metrics_of
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, BladeController, OpenLoop, closed_loop
@@ -26,6 +26,7 @@ REALISATIONS = 40
 SHARE = 0.25
 """Of the paper's length, of each: short ones side by side cost least, and together last as long as ten long ones."""
 UNSTABLE = "*"
+UNSTABLE_HEAD = ("condition", "agent", "frequency [Hz]", "doubles in [s]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +51,16 @@ class Condition:
 
 @dataclass(frozen=True)
 class Outcome:
-    """An agent under a condition: changes against open loop there, travel [rad/s], and whether the loop holds.
+    """An agent under a condition: changes against open loop there, travel [rad/s], and what grows in its linear loop.
 
-    `stable` is of the linear loop, the stops left out; None where the agent is not linear.
+    `grows` is the frequency [Hz] and doubling time [s] of that mode, the stops left out; None where all decays or the
+    agent is not linear.
     """
 
     rbm_rms: Estimate
     rbm_del: Estimate
     flap_travel: float
-    stable: bool | None
+    grows: tuple[float, float] | None
 
 
 def conditions(
@@ -102,14 +104,12 @@ def outcome(
         return metrics_of(found)
 
     ours, reference = taken(agent, condition.settings), taken(OpenLoop(), wind)
-    stable = None
-    if isinstance(agent, BladeController):
-        stable = closed_loop(model, agent.system).spectral_radius() < 1.0
+    grows = growth(closed_loop(model, agent.system)) if isinstance(agent, BladeController) else None
     return Outcome(
         paired_change(ours.rbm_rms, reference.rbm_rms),
         paired_change(ours.rbm_del, reference.rbm_del),
         float(ours.flap_travel.mean()),
-        stable,
+        grows,
     )
 
 
@@ -120,11 +120,20 @@ def trials_section(found: Mapping[str, Mapping[str, Outcome]], trial: Trial) -> 
     for label, row in found.items():
         loads.append((label, *(_cell(row[name]) for name in agents)))
         travel.append((label, *(f"{np.rad2deg(row[name].flap_travel):.2f}" for name in agents)))
+    unstable = tuple(
+        (label, name, f"{one.grows[0]:.2f}", f"{one.grows[1]:.0f}")
+        for label, row in found.items()
+        for name, one in row.items()
+        if one.grows is not None
+    )
+    growing: tuple[str | Table, ...] = ()
+    if unstable:
+        growing = ("What grows in the loops with an asterisk:", Table(UNSTABLE_HEAD, unstable))
     first = next(iter(found.values()))
     worst = {name: max(found, key=lambda label: found[label][name].rbm_rms.mean) for name in agents}
     lines = [
-        f"{name} loses most under {worst[name]}: {_percent(found[worst[name]][name].rbm_rms.mean)} of RBM rms "
-        f"instead of {_percent(first[name].rbm_rms.mean)}."
+        f"{name} loses most under {worst[name]}: {_percent(found[worst[name]][name].rbm_rms.mean)} % of RBM "
+        f"rms instead of {_percent(first[name].rbm_rms.mean)} %."
         for name in agents
     ]
     return Section(
@@ -134,8 +143,10 @@ def trials_section(found: Mapping[str, Mapping[str, Outcome]], trial: Trial) -> 
             "rms / RBM DEL against open loop on the same turbine in the same wind [%], mean over blades and "
             "realisations. The agents stay as shipped, only what the row names is changed. Turbines are built anew "
             "from the changed case, trim included; below 11 m/s tip-speed ratio and pitch stay, and so does the "
-            f"turbulence intensity. An asterisk: the linear loop is unstable there and swings between the stops.",
+            "turbulence intensity. An asterisk: the linear loop is unstable there, in most cases so slowly that a "
+            "minute does not show it.",
             Table(("condition", *agents), tuple(loads)),
+            *growing,
             "Path of a flap [deg/s]:",
             Table(("condition", *agents), tuple(travel)),
             " ".join(lines),
@@ -144,7 +155,7 @@ def trials_section(found: Mapping[str, Mapping[str, Outcome]], trial: Trial) -> 
 
 
 def _cell(outcome: Outcome) -> str:
-    mark = UNSTABLE if outcome.stable is False else ""
+    mark = "" if outcome.grows is None else UNSTABLE
     return f"{_percent(outcome.rbm_rms.mean)} / {_percent(outcome.rbm_del.mean)}{mark}"
 
 

@@ -1,5 +1,6 @@
 """The study of Section IV: it reports what it measured, keeps what it finished, and refuses what it cannot do."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from baselines.paper import __main__ as program
 from baselines.paper import scores
 from baselines.paper.cache import Cache
-from baselines.paper.control_sections import gust_alleviation, more
+from baselines.paper.control_sections import gust_alleviation, more, robustness
 from baselines.paper.controllers import Plants, swaying_wind
 from baselines.paper.document import Section, Table, as_html, as_markdown, from_markdown
 from baselines.paper.robustness import CONDITIONS, sensitivity
@@ -16,6 +17,7 @@ from baselines.paper.scores import score
 from baselines.paper.turbine_sections import _lag
 from flapgym.aeroelastic import load_model
 from flapgym.control import Weights, closed_loop, lqg_agent, stationary_rms
+from flapgym.control.closed_loop import with_effectiveness
 from flapgym.evaluation import Estimate, Metrics
 from flapgym.state_space import StateSpace
 from flapgym.turbine import load_case
@@ -119,10 +121,15 @@ def test_a_disagreement_with_the_paper_is_said():
 
 def test_robustness_at_the_design_point_is_the_loops_own_rms(tmp_path):
     agent = lqg_agent("lqg", MODEL, Weights(3.0))
-    changes, margins = sensitivity(agent, MODEL, Cache(tmp_path, "a"), lambda name: None)
+    heavy = {"heavy": replace(MODEL, turbine=with_effectiveness(MODEL.turbine, 50.0)), "same": MODEL}
+    changes, margins = sensitivity(agent, MODEL, heavy, Cache(tmp_path, "a"), lambda name: None)
     expected = stationary_rms(MODEL, agent.system)["rbm"] / stationary_rms(MODEL)["rbm"] - 1.0
     for condition in ("flap x 1", "L 147 m", "delay 0"):
         assert changes[0, CONDITIONS.index(condition)] == pytest.approx(expected, rel=1e-9)
+    assert changes[0, -1] == pytest.approx(expected, rel=1e-9)
+    assert np.isnan(changes[0, -2])
+    assert changes[4, -2] > 0.0
+    assert "doubles in" in as_markdown("t", [robustness({"lqg": (changes, margins)}, tuple(heavy))], Path())
     weak, strong = (changes[0, CONDITIONS.index(f"flap x {factor}")] for factor in ("0.7", "1.3"))
     assert strong < expected < weak < 0.0
     assert closed_loop(MODEL, agent.system, 0.99 * margins[4]).spectral_radius() < 1.0

@@ -136,7 +136,7 @@ def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
         )
     }
     designed, noise, delayed = (row["lqg"] for row in found.values())
-    assert designed.stable
+    assert designed.grows is None
     assert designed.rbm_rms.mean < -0.05
     assert noise.flap_travel > designed.flap_travel
     assert delayed.rbm_rms.mean > designed.rbm_rms.mean
@@ -146,8 +146,11 @@ def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
 
 def test_an_unstable_loop_is_marked():
     change = Estimate(-0.1, -0.2, 0.0)
-    section = trials_section({"heavy": {"pd": Outcome(change, change, 0.1, False)}}, Trial("trial", 2, 6.0))
+    section = trials_section(
+        {"heavy": {"pd": Outcome(change, change, 0.1, (3.85, 47.0))}}, Trial("trial", 2, 6.0)
+    )
     assert section.content[1].rows[0][1] == "-10.0 / -10.0*"
+    assert section.content[3].rows == (("heavy", "pd", "3.85", "47"),)
 
 
 def test_marks_tell_late_agents_from_punctual_ones():

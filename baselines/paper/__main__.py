@@ -30,6 +30,8 @@ from baselines.paper.structure_sections import figure_9, table_1, table_2
 from baselines.paper.trials import AGENTS, SHARE, conditions, outcome, trials_section
 from baselines.paper.trials import REALISATIONS as TRIALS
 from baselines.paper.turbine_sections import figure_15, turbine_figures
+from baselines.rivals import study as rivals
+from baselines.rivals.section import rivals_section
 from baselines.settings import load_tuning
 from baselines.tune import CONFIG
 from flapgym.aeroelastic.model import TurbineModel, load_model
@@ -54,6 +56,8 @@ BESIDE = {
 QUICK = {"lqg", "lqg_unfiltered_same", "pd"}
 """Controllers of a quick run: none of them is tuned or needs the turbine's parts."""
 QUICK_DURATION = 20.0
+RIVALS = 10
+"""Realisations of the rivals, whose optima take long: `python -m baselines.rivals` runs fifty."""
 
 
 class Study:
@@ -139,6 +143,11 @@ class Study:
         trial = Trial("score", self.realisations, self.duration)
         return measured(agent, self.model, trial, self.cache, self.told, take)
 
+    def rivals(self) -> Section:
+        """PID, individual flaps, predictive control and the bound."""
+        study = rivals.Study(self.model, RIVALS, self.duration, self.cache, self.told)
+        return rivals_section(study)
+
     def trials(self) -> Section:
         """The shipped agents where they were not made for."""
         trial = Trial("trial", TRIALS, SHARE * self.duration)
@@ -202,12 +211,13 @@ PARTS: dict[str, Callable[[Study], Section]] = {
     "gust_alleviation": Study.gust_alleviation,
     "readings": Study.readings,
     "figure15": Study.figure15,
+    "rivals": Study.rivals,
     "effects": Study.effects,
     "robustness": Study.robustness,
     "trials": Study.trials,
 }
 """In the order of the report: the paper's own, then what goes beyond."""
-LONG = ("figure8", "turbine", "figure12", "readings", "trials")
+LONG = ("figure8", "turbine", "figure12", "readings", "rivals", "trials")
 """Left out of a quick run."""
 
 
@@ -251,7 +261,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 bar.set_description(name)
                 sections.append(PARTS[name](study))
                 bar.update()
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         print(f"baselines.paper: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

@@ -6,8 +6,10 @@ import importlib.util
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant.actuator import Actuator, Faults
+from flapgym.plant.delayed import DelayedPlant
 from flapgym.plant.interface import GivenWind, Interval, Plant, Setup, Start, Task
 from flapgym.plant.lifted_plant import LiftedPlant
+from flapgym.plant.periodic_plant import PeriodicPlant
 
 __all__ = [
     "KERNELS",
@@ -31,6 +33,8 @@ PRECISIONS = ("float64", "float32")
 def make_plant(model: TurbineModel, count: int, setup: Setup, task: Task) -> Plant:
     """The plant of n turbines; compiled if numba is installed, which takes some seconds the very first time.
 
+    A model whose blades differ has a plant of its own, in numpy.
+
     Raises
     ------
     ValueError
@@ -44,7 +48,15 @@ def make_plant(model: TurbineModel, count: int, setup: Setup, task: Task) -> Pla
     compiled = importlib.util.find_spec("numba") is not None
     if setup.kernel == "numba" and not compiled:
         raise ImportError('kernel: numba is not installed; pip install "flapgym[fast]", or take "numpy"')
-    if setup.kernel == "numpy" or not compiled:
+    plant = _of_model(model, count, setup, task, compiled and setup.kernel != "numpy")
+    return DelayedPlant(plant, task, setup.delay) if setup.delay else plant
+
+
+def _of_model(model: TurbineModel, count: int, setup: Setup, task: Task, compiled: bool) -> Plant:
+    """The plant that suits the model, compiled or not."""
+    if model.periodic is not None and not setup.single_blade:
+        return PeriodicPlant(model, count, setup, task)
+    if not compiled:
         return LiftedPlant(model, count, setup, task)
     from flapgym.plant.compiled_plant import CompiledPlant
 

@@ -19,6 +19,7 @@ from flapgym.plant.kernel import Kernel, prepare
 from flapgym.plant.lifted_plant import first_feedthrough, first_interval
 from flapgym.plant.responses import Responses
 from flapgym.plant.sampled import fill_instant, plant_fingerprint
+from flapgym.plant.stuck import first_modes
 from flapgym.state_space import Array
 
 
@@ -170,8 +171,13 @@ class CompiledPlant:
         """Begin an episode of m turbines; observations (m, observed) and rows (m, ROW) of sample 0."""
         setup, start = self.setup, start.under(self.setup.faults)
         first = self._responses.draw(turbines, start)
-        for turbine in turbines:
-            self._modes(int(turbine))[...] = 0.0
+        modes = first_modes(self._kernel.flap, setup, start.azimuth, self._kernel.turn)
+        first[:, :8] += (modes @ self._kernel.flap.read.T).real
+        grouped = np.zeros((len(turbines), self._groups * layout.GROUP), dtype=complex)
+        grouped[:, : modes.shape[1]] = modes
+        for turbine, own_modes in zip(turbines, grouped, strict=True):
+            split = own_modes.reshape(self._groups, layout.GROUP)
+            self._modes(int(turbine))[...] = np.stack([split.real, split.imag], axis=1)
         own = self._own
         own[turbines] = 0.0
         own[turbines, layout.OWN_ANGLE : layout.OWN_ANGLE + setup.blades] = start.flap_angle[

@@ -38,6 +38,8 @@ class Setup:
         "numba", "numpy", or "auto" for the first that can be had.
     pool : int
         Number of realisations of the turbulence shared by all plants of the process; 0 draws each anew.
+    delay : int
+        Plant samples by which the observed moments are late.
     """
 
     steps_per_action: int
@@ -49,6 +51,7 @@ class Setup:
     precision: str = "float64"
     kernel: str = "auto"
     pool: int = 0
+    delay: int = 0
 
     @property
     def blades(self) -> int:

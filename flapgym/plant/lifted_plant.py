@@ -13,6 +13,7 @@ from flapgym.plant.interface import Interval, Setup, Start, Task
 from flapgym.plant.kernel import prepare
 from flapgym.plant.responses import Responses
 from flapgym.plant.sampled import SampledPlant
+from flapgym.plant.stuck import first_modes
 from flapgym.state_space import Array
 
 
@@ -52,7 +53,9 @@ class LiftedPlant(SampledPlant):
     def begin(self, turbines: NDArray[np.int64], start: Start) -> Interval:
         """Begin an episode of m turbines; the outputs at sample 0."""
         first = self._responses.draw(turbines, start)
-        self._state[turbines] = 0.0
+        modes = first_modes(self._kernel.flap, self.setup, start.azimuth, self._kernel.turn)
+        self._state[turbines, : 2 * self._decay.size] = modes.view(float)
+        first[:, :8] += (modes @ self._kernel.flap.read.T).real
         first[:, :8] += first_feedthrough(self._kernel.direct, start, self._effectiveness)
         return first_interval(first, start, self.setup.blades)
 

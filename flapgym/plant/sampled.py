@@ -178,6 +178,8 @@ def plant_fingerprint(model: TurbineModel) -> str:
     matrices = [
         getattr(system, name) for system in (model.turbine, model.blade) for name in ("A", "B", "C", "D")
     ]
+    if model.periodic is not None:
+        matrices += [getattr(model.periodic, name) for name in ("left", "core", "right", "forcing")]
     numbers = (
         model.wind_speed,
         model.rotor_speed,

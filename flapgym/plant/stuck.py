@@ -5,8 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.plant.interface import Setup
 from flapgym.plant.modal import ComplexArray, Modal
 from flapgym.state_space import Array
+
+
+def first_modes(flap: Modal, setup: Setup, azimuth: Array, turn: float) -> ComplexArray:
+    """Modes (m, order) at the start of an episode: at rest, but for what stuck flaps keep up.
+
+    Parameters
+    ----------
+    flap : Modal
+        Flap angle and rate in components to outputs.
+    setup : Setup
+    azimuth : (m,) float
+        Of blade 1 [rad].
+    turn : float
+        Azimuth of one step [rad].
+    """
+    angle = setup.faults.held_angle * setup.faults.effectiveness
+    if setup.single_blade:
+        angle = np.full(BLADES, angle[0])
+    if not angle.any():
+        return np.zeros((len(azimuth), flap.order), dtype=complex)
+    return stuck_modes(flap, angle, azimuth, turn)
 
 
 def stuck_modes(flap: Modal, angle: Array, azimuth: Array, turn: float) -> ComplexArray:

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from flapgym.aeroelastic import load_model
+from flapgym.aeroelastic.harmonics import PeriodicPart
 from flapgym.aeroelastic.multiblade import to_components
+from flapgym.plant import Faults, layout
 from flapgym.plant.modal import modal_form
 from flapgym.plant.stuck import stuck_modes
+from tests.plant.plants import KERNELS, fly, plant_of, rest
+from tests.synthetic import synthetic_model
 
 
 def test_the_steady_motion_under_stuck_flaps_is_the_one_that_marching_keeps():
@@ -34,3 +41,31 @@ def test_equal_stuck_flaps_load_the_turbine_as_its_steady_gain_says():
     for part in (slice(0, 3), slice(3, 6), slice(6, 8)):
         error = np.abs(outputs[:, part] - steady[part]).max()
         assert error <= 1e-9 * np.abs(steady[part]).max()
+
+
+@pytest.mark.parametrize("kernel", [*KERNELS, "periodic"])
+@pytest.mark.parametrize("count", [2, 9])
+def test_plants_start_in_the_steady_motion_under_their_stuck_flaps(kernel, count):
+    model, faults = synthetic_model(), Faults(effectiveness=(0.5, 1.0, 1.0), stuck=(0.03, None, -0.02))
+    steps = round(2.0 * np.pi / (model.rotor_speed * model.time_step))
+    # A revolution of a whole number of actions, so that rows can be compared.
+    model = replace(model, rotor_speed=2.0 * np.pi / (5 * (steps // 5)) / model.time_step)
+    if kernel == "periodic":
+        n = model.turbine.order
+        model = replace(
+            model,
+            periodic=PeriodicPart(
+                np.zeros((n + 8, 1)),
+                np.zeros((1, 1, 1), complex),
+                np.zeros((1, n + 7)),
+                np.zeros((2, n + 8), complex),
+            ),
+        )
+    plant = plant_of(count, 5, 200, model, kernel="auto" if kernel == "periodic" else kernel, faults=faults)
+    _, first = plant.reset(np.arange(count), rest(count))
+    rows = fly(plant, np.zeros((steps // 5, count, 3)))[0]
+    assert np.abs(first[:, :3]).max() > 5e4
+    for part in (slice(0, 3), slice(3, 6), slice(layout.TOWER, layout.TOWER + 2)):
+        np.testing.assert_allclose(
+            rows[-1][:, part], first[:, part], atol=1e-9 * np.abs(first[:, part]).max()
+        )

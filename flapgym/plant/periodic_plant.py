@@ -1,0 +1,232 @@
+"""The turbine of unequal blades, whose matrices follow the azimuth: stepped sample by sample, wind and flaps together.
+
+In multi-blade coordinates the matrices are their mean over a revolution and a small part of low rank that turns
+(flapgym.aeroelastic.harmonics). That part forbids modes, but costs little; a plant step is one product with the mean.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flapgym.aeroelastic.harmonics import PeriodicPart
+from flapgym.aeroelastic.model import TurbineModel
+from flapgym.aeroelastic.multiblade import to_blades, to_components
+from flapgym.plant.disturbance import disturbance_modes
+from flapgym.plant.interface import Interval, Setup, Start, Task
+from flapgym.plant.layout import FLAP_INPUTS
+from flapgym.plant.modal import modal_form
+from flapgym.plant.responses import realisation_noise
+from flapgym.plant.sampled import SampledPlant
+from flapgym.plant.stuck import first_modes
+from flapgym.state_space import Array, StateSpace
+from flapgym.turbulence import von_karman_filter
+
+_AZIMUTHS = 64
+"""Around the revolution, for the steady motion of an unbalanced rotor."""
+_ENOUGH = 1e-12
+_SMALLEST = 1e-8
+"""Of harmonics, over the largest: what is smaller is left out."""
+
+
+class PeriodicPlant(SampledPlant):
+    """n turbines of one model with a periodic part.
+
+    An episode begins in the stationary response of the mean turbine to the turbulence, which is the unequal one's but
+    for the part that turns, and in the steady motion that the rotor's imbalance keeps up.
+
+    Parameters
+    ----------
+    model : TurbineModel
+        With `periodic`.
+    count : int
+        Number of turbines n.
+    setup : Setup
+        Its precision and kernel have no meaning here.
+    task : Task
+    """
+
+    def __init__(self, model: TurbineModel, count: int, setup: Setup, task: Task) -> None:
+        super().__init__(model, count, setup, task)
+        if model.periodic is None or setup.single_blade:
+            raise ValueError("periodic plant: expected a whole turbine whose blades differ")
+        turbine, part = model.turbine, model.periodic
+        self._order = turbine.order
+        mean = np.block([[turbine.A, turbine.B], [turbine.C, turbine.D]])
+        # One product gives the mean's answer and, behind it, what the turning part is applied to.
+        self._matrix = np.ascontiguousarray(np.vstack([mean, part.right]).T)
+        size = np.abs(part.core).max(axis=(1, 2))
+        self._harmonics = 1 + int(np.flatnonzero(size >= _SMALLEST * size.max()).max())
+        core = part.core[: self._harmonics]
+        self._core = np.ascontiguousarray(
+            np.concatenate([core.real, -core.imag]).reshape(-1, core.shape[2]).T
+        )
+        self._left = np.ascontiguousarray(part.left.T)
+        self._forcing = np.vstack([part.forcing.real, -part.forcing.imag])
+        self._root, self._filter = _stationary(model, setup.length_scale)
+        self._steady = steady_motion(turbine, part, model.rotor_speed * model.time_step)
+        self._under_wind = np.linalg.solve(np.eye(turbine.order) - turbine.A, turbine.B[:, -1])
+        self._effectiveness = np.array(setup.faults.effectiveness)
+        self._step_turn = model.rotor_speed * model.time_step
+        samples = setup.intervals * setup.steps_per_action + 1
+        self._wind = np.zeros((count, samples))
+        self._ahead = np.zeros((count, turbine.order))
+        """State at the sample after the last one given: what is known of that is known already."""
+
+    @property
+    def noise_count(self) -> int:
+        """Standard normal numbers one turbine's realisation takes."""
+        return self._root.shape[1] + self._wind.shape[1]
+
+    def begin(self, turbines: NDArray[np.int64], start: Start) -> Interval:
+        """Begin an episode of m turbines; the outputs at sample 0."""
+        level = np.asarray(start.intensity) / self.model.turbulence_intensity
+        state, wind = np.zeros((len(turbines), self._order)), np.zeros((len(turbines), self._wind.shape[1]))
+        noise = start.noise
+        if start.realisation is not None:
+            noise = np.stack([realisation_noise(int(seed), self.noise_count) for seed in start.realisation])
+        if noise is not None:
+            first = noise[:, : self._root.shape[1]] @ self._root.T
+            wind = level[:, None] * filtered(self._filter, first, noise[:, self._root.shape[1] :])
+            state = level[:, None] * first[:, self._filter.order :]
+        if start.gust is not None:
+            wind, state = wind + start.gust.wind, state + start.gust.before * self._under_wind
+        azimuth = np.asarray(start.azimuth)[:, None]
+        phase = np.exp(1j * azimuth * np.arange(len(self._steady)))
+        state = state + (phase @ self._steady).real + self._under_stuck_flaps(start.azimuth)
+        self._wind[turbines] = wind
+        inputs = self._inputs(start.flap_angle[:, None], start.flap_rate[:, None], wind[:, :1], azimuth)
+        outputs, self._ahead[turbines] = self._march(state, inputs, azimuth)
+        return Interval(
+            rbm=to_blades(outputs[:, :, 0:3], azimuth),
+            tip_deflection=to_blades(outputs[:, :, 3:6], azimuth),
+            tower=outputs[:, :, 6:8],
+            wind=wind[:, :1],
+            flap_angle=start.flap_angle[:, None],
+            flap_rate=start.flap_rate[:, None],
+            stopped=np.zeros(start.flap_angle.shape, dtype=bool),
+        )
+
+    def advance(self, motion: Array, stopped: NDArray[np.bool_]) -> Interval:
+        """Go on under flap motion (n, 2 (k + 1), 3): angle and rate at sample 0, at sample 1, and so on."""
+        k = self.setup.steps_per_action
+        # A turbine whose episode is over stays at its last wind.
+        at = np.minimum(self.elapsed[:, None] * k + np.arange(1, k + 1), self._wind.shape[1] - 1)
+        wind = np.take_along_axis(self._wind, at, axis=1)
+        azimuth = self.azimuth[:, None] + self._step_turn * np.arange(1, k + 1)
+        inputs = self._inputs(motion[:, 2::2], motion[:, 3::2], wind, azimuth)
+        outputs, self._ahead = self._march(self._ahead, inputs, azimuth)
+        kept = slice(0 if self.setup.every_sample else k - 1, k)
+        return Interval(
+            rbm=to_blades(outputs[:, :, 0:3], azimuth),
+            tip_deflection=to_blades(outputs[:, kept, 3:6], azimuth[:, kept]),
+            tower=outputs[:, kept, 6:8],
+            wind=wind[:, kept],
+            flap_angle=motion[:, 0::2],
+            flap_rate=motion[:, 1::2],
+            stopped=stopped,
+        )
+
+    def _under_stuck_flaps(self, azimuth: Array) -> Array:
+        """States (m, n) of the mean turbine that stuck flaps keep up."""
+        if not self.setup.faults.held_angle.any():
+            return np.zeros((len(azimuth), self._order))
+        turbine = self.model.turbine
+        flap = modal_form(turbine.select(inputs=turbine.inputs[:FLAP_INPUTS]))
+        modes = first_modes(flap, self.setup, azimuth, self._step_turn)
+        return np.asarray((modes @ flap.expand.T).real)
+
+    def _inputs(self, angle: Array, rate: Array, wind: Array, azimuth: Array) -> Array:
+        """Inputs (m, k, 7) of the model from flap motion (m, k, 3), wind (m, k) and azimuth (m, k)."""
+        parts = [to_components(motion * self._effectiveness, azimuth) for motion in (angle, rate)]
+        return np.concatenate([*parts, wind[:, :, None]], axis=2)
+
+    def _march(self, state: Array, inputs: Array, azimuth: Array) -> tuple[Array, Array]:
+        """Outputs (m, k, 8) in components at k samples, and the state (m, n) after them."""
+        m, k, _ = inputs.shape
+        n, harmonics = self._order, self._harmonics
+        angle = azimuth[:, :, None] * np.arange(len(self._forcing) // 2)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        forcing = np.concatenate([cosine, sine], axis=2) @ self._forcing
+        turn = [part[:, :, 1 : harmonics + 1] for part in (cosine, sine)]
+        phase = np.concatenate(turn, axis=2)[:, :, None]
+        given, outputs = np.empty((m, self._matrix.shape[0])), np.empty((m, k, 8))
+        for sample in range(k):
+            given[:, :n], given[:, n:] = state, inputs[:, sample]
+            after = given @ self._matrix
+            turning = (after[:, n + 8 :] @ self._core).reshape(m, 2 * harmonics, -1)
+            after = after[:, : n + 8] + (phase[:, sample] @ turning)[:, 0] @ self._left + forcing[:, sample]
+            state, outputs[:, sample] = after[:, :n], after[:, n:]
+        return outputs, state
+
+    def get_state(self, turbine: int) -> dict[str, Any]:
+        """What changes of a turbine, but for its realisation, as plain values for JSON."""
+        return super().get_state(turbine) | {"ahead": self._ahead[turbine].tolist()}
+
+    def set_state(self, turbine: int, state: dict[str, Any]) -> None:
+        """Go on from there; `reset` with the same realisation comes before."""
+        super().set_state(turbine, state)
+        self._ahead[turbine] = state["ahead"]
+
+
+def steady_motion(mean: StateSpace, periodic: PeriodicPart, turn: float) -> NDArray[np.complex128]:
+    """States that the forcing keeps up, x(theta) = Re sum_k X[k] exp(j k theta), shape (k, n).
+
+    The periodic part is small, so its answer to itself is found by repetition: each harmonic by the mean's resolvent.
+
+    Parameters
+    ----------
+    mean : StateSpace
+    periodic : PeriodicPart
+    turn : float
+        Azimuth of one step [rad].
+
+    Raises
+    ------
+    ValueError
+        If the blades differ by so much that repetition does not converge.
+    """
+    n, harmonics = mean.order, _AZIMUTHS // 2
+    azimuth = 2.0 * np.pi / _AZIMUTHS * np.arange(_AZIMUTHS)
+    core, force = periodic.core_at(azimuth), periodic.forcing_at(azimuth)[:, :n]
+    values, vectors = np.linalg.eig(mean.A)
+    resolvent = 1.0 / (np.exp(1j * turn * np.arange(harmonics))[:, None] - values)
+    to_modes = np.linalg.inv(vectors).T
+    motion, first = np.zeros((_AZIMUTHS, n)), 0.0
+    for _ in range(100):
+        push = force + np.einsum("ars,as->ar", core, motion @ periodic.right[:, :n].T) @ periodic.left[:n].T
+        series = np.fft.rfft(push, axis=0)[:harmonics] / _AZIMUTHS
+        series[1:] *= 2.0
+        answer = (resolvent * (series @ to_modes)) @ vectors.T
+        before, motion = motion, (np.exp(1j * azimuth[:, None] * np.arange(harmonics)) @ answer).real
+        change = np.abs(motion - before).max()
+        if change <= _ENOUGH * np.abs(motion).max():
+            return answer
+        first = first or change
+        if change > 10.0 * first:
+            break
+    raise ValueError(
+        "periodic plant: the steady motion of the unbalanced rotor was not found; blades differ too much"
+    )
+
+
+def filtered(shaping: StateSpace, first: Array, white: Array) -> Array:
+    """Wind (m, T) of a diagonal filter from its first states (m, n or more) and white noise (m, T)."""
+    decay, drive = np.diag(shaping.A), shaping.B[:, 0]
+    state, wind = first[:, : shaping.order].copy(), np.empty_like(white)
+    for sample in range(white.shape[1]):
+        wind[:, sample] = (state * shaping.C[0]).sum(axis=1)
+        state = state * decay + white[:, sample, None] * drive
+    return wind + shaping.D[0, 0] * white
+
+
+@lru_cache(maxsize=4)
+def _stationary(model: TurbineModel, length_scale: float) -> tuple[Array, StateSpace]:
+    """Map of normal numbers to the first states of filter and mean turbine, and the filter."""
+    modal, root = disturbance_modes(model, length_scale)
+    modes = root[0::2] + 1j * root[1::2]
+    shaping = von_karman_filter(model.wind_speed, model.turbulence_intensity, length_scale, model.time_step)
+    return np.asarray((modal.expand @ modes).real), shaping

@@ -61,6 +61,15 @@ class Bound:
     gap: float
     residual: float
 
+    def motion(self, hold: int, time_step: float) -> Array:
+        """Angle and rate (K h, 2) at samples 1 to K h [rad, rad/s], the accelerations held over `hold` steps."""
+        time = time_step * np.arange(1, hold + 1)
+        rate = self.rate[:-1, None] + time * self.acceleration[:, None]
+        angle = (
+            self.angle[:-1, None] + time * self.rate[:-1, None] + 0.5 * time**2 * self.acceleration[:, None]
+        )
+        return np.stack([angle.ravel(), rate.ravel()], axis=1)
+
 
 def flap_response(model: TurbineModel, plant: StateSpace) -> StateSpace:
     """A small model of angle and rate to moment: of the clamped blade, or of all flaps moved together.

@@ -9,18 +9,29 @@ from dataclasses import asdict, dataclass, fields
 import numpy as np
 
 from baselines.paper.cache import Cache, fingerprint
+from baselines.paper.effects import respond
 from baselines.rivals.bound import HOLD, Bound, best_flap, flap_response
 from baselines.rivals.contestants import PlannedFlap, Rival, rivals, saturating_weights
 from baselines.rivals.duty import Duty, as_array, at_equal_load, measure_duty
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop, PredictiveController
-from flapgym.evaluation import SCORED_SEED, Metrics, Record, measure, simulate
+from flapgym.evaluation import (
+    SCORED_SEED,
+    Metrics,
+    Record,
+    damage_equivalent_load,
+    measure,
+    root_mean_square,
+    simulate,
+)
 from flapgym.state_space import Array
 
 BATCH = 10
 """Realisations simulated side by side, and lost at most to an interrupt."""
 NOISES = (0.0, 0.01, 0.05, 0.1)
 """Measurement noise of the comparison at equal load, over the open-loop rms moment."""
+BLADE_REALISATIONS = 5
+"""Of the bound on the clamped blade alone."""
 TUNING_SEED = 2_000_000
 """Of the realisation on which solving is timed."""
 TIMED = 60.0
@@ -80,8 +91,9 @@ class Study:
 
     @property
     def rounds(self) -> int:
-        """Batches `all_outcomes` and `ideal` tell of."""
-        return len(self._batches()) * (len(rivals(self.model)) + 1)
+        """How often `all_outcomes`, `ideal` and `single_blade` tell of something."""
+        blade = min(self.realisations, BLADE_REALISATIONS)
+        return len(self._batches()) * (len(rivals(self.model)) + 1) + blade
 
     def all_outcomes(self) -> dict[str, tuple[Rival, Outcome]]:
         """Every rival's outcome, by name, open loop first."""
@@ -104,6 +116,31 @@ class Study:
         found = self._joined("bound", {"hold": HOLD}, of)
         extra = {key: found[key] for key in ("gap", "residual", "programme_rms")}
         return Ideal(_outcome(found), **extra)
+
+    def single_blade(self) -> dict[str, Array]:
+        """Rms of moment and tip and DEL of the clamped blade, (realisations, 2): without the flap, and at its bound."""
+        model, blade = self.model, self.model.blade
+        seeds = range(SCORED_SEED, SCORED_SEED + min(self.realisations, BLADE_REALISATIONS))
+
+        def make() -> dict[str, Array]:
+            response = flap_response(model, blade)
+            wind = simulate(OpenLoop(), model, seeds, self.duration).wind
+            still = np.zeros((*wind.shape, 2))
+            free = respond(blade, np.concatenate([still, wind[..., None]], axis=2))
+            best = []
+            for one, gust in zip(free, wind, strict=True):
+                motion = best_flap(one[:, 0], response, model).motion(HOLD, model.time_step)
+                inputs = np.concatenate([motion, gust[: len(motion), None]], axis=1)
+                best.append(respond(blade, inputs[None])[0])
+                self.tell("blade")
+            pairs = [(one[: len(two)], two) for one, two in zip(free, best, strict=True)]
+            rms = np.array([[root_mean_square(each, axis=0) for each in pair] for pair in pairs])
+            fatigue = [
+                [damage_equivalent_load(each[:, 0], model.time_step) for each in pair] for pair in pairs
+            ]
+            return {"rbm_rms": rms[..., 0], "tip_rms": rms[..., 1], "rbm_del": np.array(fatigue)}
+
+        return self.cache.arrays("blade-bound", {"count": len(seeds), "duration": self.duration}, make)
 
     def equal_load(self) -> Array:
         """(noises, controllers, columns): LQG, PD, PID and calm LQG at the LQG's load; columns of `EqualLoad`."""

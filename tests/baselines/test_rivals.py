@@ -62,6 +62,7 @@ def test_the_optimality_conditions_hold(bound):
 
 def test_the_motion_is_the_double_integrators_and_keeps_its_stops(bound):
     motion = _motion(bound, 5)
+    np.testing.assert_allclose(bound.motion(5, MODEL.time_step), motion[1:], atol=1e-6)
     np.testing.assert_allclose(motion[::5, 0], bound.angle, atol=1e-6)
     np.testing.assert_allclose(motion[::5, 1], bound.rate, atol=1e-6)
     share = np.abs(motion) / [MODEL.flap_angle_limit, MODEL.flap_rate_limit]

@@ -20,7 +20,7 @@ from baselines.paper.aerodynamics_sections import figure_8, figure_12
 from baselines.paper.cache import Cache
 from baselines.paper.control_sections import LABELS, gust_alleviation, robustness
 from baselines.paper.controllers import VARIANTS, Controllers, Plants
-from baselines.paper.document import Section, Table, as_html, as_markdown
+from baselines.paper.document import Section, Table, as_html, as_markdown, summary
 from baselines.paper.effects import effects_of, effects_section, measure_effects
 from baselines.paper.models import VARIATIONS, built, unscaled_flap
 from baselines.paper.readings import reading, readings_section
@@ -256,7 +256,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         folder = writable_folder(output / "paper")
         with tqdm(total=len(names), unit=" parts") as bar:
             study = Study(model, folder, options.realisations, options.quick, bar)
-            sections = [parameters(model)]
+            sections = []
             for name in names:
                 bar.set_description(name)
                 sections.append(PARTS[name](study))
@@ -269,6 +269,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "baselines.paper: interrupted; what is finished is kept, run it again to go on", file=sys.stderr
         )
         return 130
+    sections = [summary(sections), parameters(model), *sections]
     write_atomically(output / "paper.md", as_markdown(TITLE, sections, output).encode())
     write_atomically(output / "paper.html", as_html(TITLE, sections).encode())
     print(f"wrote {output / 'paper.md'} and {output / 'paper.html'}")

@@ -60,6 +60,8 @@ def figure_8(case: Case, folder: Path, cache: Cache) -> Section:
             f"long, too short for a blade to meet its own. A wake of one diameter slowed by induction gives "
             f"{long:+.1f} %, with dips at each third of a turn as in the paper.",
         ),
+        f"steady loss {short:+.1f} % with the wake length stated, {long:+.1f} % with a longer and slower one; the "
+        f"paper has about {PAPER_LOSS:.0f} %",
     )
 
 
@@ -92,4 +94,5 @@ def figure_12(case: Case, folder: Path, cache: Cache) -> Section:
             "magnitude where the paper's figure shows three"
             + ("." if values[149] > 3e-4 else ": ours fall further, in our scaling."),
         ),
+        f"{-np.log10(values[PAPER_STATES - 1]):.1f} orders of magnitude down at state {PAPER_STATES}; the paper: three",
     )

@@ -95,7 +95,21 @@ def gust_alleviation(
             ),
             *_sentences(scores, base),
         ),
+        _verdict(scores, base),
     )
+
+
+def _verdict(scores: dict[str, Score], base: Score) -> str:
+    numbers = ", ".join(
+        f"{CHANGES[metric]} {100 * base.changes[metric].mean:+.1f} % (paper {paper:.0f})"
+        for metric, paper in PAPER.items()
+    )
+    sides: dict[bool, list[str]] = {True: [], False: []}
+    for name, (low, high, _) in EXPECTED.items():
+        if name in scores:
+            sides[low <= more(scores[name]) <= high].append(LABELS[name])
+    told = [f"{word}: {', '.join(sides[which])}" for which, word in ((True, "agree"), (False, "disagree"))]
+    return "; ".join([numbers, *(each for each in told if not each.endswith(": "))])
 
 
 def more(score: Score) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,15 @@ table { border-collapse: collapse; margin: 1rem 0; font-size: 0.85rem; }
 th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: left; }
 th { border-bottom: 2px solid #666; }
 img { max-width: 100%; }
+@page { size: A4 landscape; margin: 15mm; }
+@media print {
+  body { font-size: 10pt; max-width: none; margin: 0; padding: 0; }
+  table { font-size: 7pt; }
+  th, td { padding: 0.1rem 0.35rem; }
+  h2 { break-after: avoid; }
+  tr, img { break-inside: avoid; }
+  img { max-height: 165mm; }
+}
 """
 
 
@@ -28,10 +38,20 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what follows it: a sentence or paragraph, a table, or the path of a figure."""
+    """A heading and what follows it: a sentence or paragraph, a table, or the path of a figure.
+
+    `verdict` is what the report's first table says of it.
+    """
 
     title: str
     content: tuple[str | Table | Path, ...]
+    verdict: str = ""
+
+
+def summary(sections: Sequence[Section]) -> Section:
+    """The verdicts of all sections that have one."""
+    rows = tuple((section.title, section.verdict) for section in sections if section.verdict)
+    return Section("At a glance", (Table(("of the paper", "ours beside it"), rows),))
 
 
 def as_markdown(title: str, sections: list[Section], folder: Path) -> str:

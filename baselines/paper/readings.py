@@ -158,6 +158,12 @@ def readings_section(found: Sequence[Reading], realisations: int) -> Section:
             Table(head, tuple(rows)),
             *_sentences(found),
         ),
+        "RBM / tip / DEL "
+        + ", ".join(
+            f"{_three(100.0 * each.mean for each in one.few)} %"
+            f" ({one.flap} flap, tuned on {'what is scored' if one.own_signals else 'others'})"
+            for one in found
+        ),
     )
 
 

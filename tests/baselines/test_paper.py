@@ -11,9 +11,11 @@ from baselines.paper import scores
 from baselines.paper.cache import Cache
 from baselines.paper.control_sections import gust_alleviation, more, robustness
 from baselines.paper.controllers import Plants, swaying_wind
-from baselines.paper.document import Section, Table, as_html, as_markdown, from_markdown
+from baselines.paper.document import Section, Table, as_html, as_markdown, from_markdown, summary
+from baselines.paper.readings import Reading, readings_section
 from baselines.paper.robustness import CONDITIONS, sensitivity
 from baselines.paper.scores import score
+from baselines.paper.structure_sections import table_2
 from baselines.paper.turbine_sections import _lag
 from flapgym.aeroelastic import load_model
 from flapgym.control import Weights, closed_loop, lqg_agent, stationary_rms
@@ -170,3 +172,36 @@ def test_printed_tables_are_read_back():
     table = Table(("", "a"), (("x", "1"), ("", "2")))
     text = as_markdown("t", [Section("s", ("some words", table))], Path())
     assert from_markdown(text)[2:] == ["some words", table]
+
+
+def test_table_2_differs_where_the_paper_misprints_it(tmp_path):
+    section = table_2(load_case(), Cache(tmp_path, "a"))
+    rows = [row for table in section.content if isinstance(table, Table) for row in table.rows]
+    assert len(rows) == 2 * 13
+    errors = {cell.split("(")[1] for row in rows for cell in row[2:]}
+    assert "+43.1)" in errors
+    assert section.verdict.startswith("agrees: 112 of 117 entries")
+    assert "misprint of 3.0e8" in " ".join(part for part in section.content if isinstance(part, str))
+
+
+def test_the_report_begins_with_the_verdicts():
+    found = summary([Section("one", (), "agrees"), Section("two", ())])
+    assert found.content[0].rows == (("one", "agrees"),)
+
+
+def test_an_interrupt_keeps_what_is_finished_and_says_so(short, tmp_path, monkeypatch, capsys):
+    def stop(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(program.PARTS, "figure9", stop)
+    assert program.main(["table2", "figure9", "--output", str(tmp_path)]) == 130
+    assert "run it again" in capsys.readouterr().err
+    assert [path.name.split("-")[0] for path in (tmp_path / "paper" / "parts").iterdir()] == ["table2"]
+
+
+@pytest.mark.parametrize(("own", "words"), [(True, "the scored signals"), (False, "others")])
+def test_a_reading_far_from_the_trial_is_said(own, words):
+    changes = tuple(Estimate(value, value, value) for value in (-0.10, -0.20, -0.15))
+    found = readings_section([Reading("scaled", own, 0.5, 1.7, changes, changes)], 50)
+    assert f"tuned on {words}: at most 12.9 points" in found.content[-1]
+    assert "more than the rule of four allows" in found.content[-1]

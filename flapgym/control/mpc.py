@@ -85,8 +85,8 @@ class PredictiveController:
             raise ValueError(f"agent {name}: preview: expected a number of steps >= 0, got {preview}")
         self.name, self.model_hash, self.preview = name, model.hash, preview
         design = design_model(model)
-        self._horizon = condense(design, weights, preview, blocks)
-        self._solver = _solver(self._horizon.from_offsets)
+        self.horizon = condense(design, weights, preview, blocks)
+        self._solver = _solver(self.horizon.from_offsets)
         self._start = first_estimate(design, weights)
         self._limit, self._time_step = model.acceleration_limit, model.time_step
         self._order = design.A.shape[0]
@@ -94,7 +94,7 @@ class PredictiveController:
 
     def _one_product(self, model: TurbineModel, design: DesignModel, weights: Weights) -> Array:
         """[estimate, measured, coming wind] times it is [next estimate, LQG's action, rows of the horizon]."""
-        h, observer, n = self._horizon, synthesise(design, weights), self._order
+        h, observer, n = self.horizon, synthesise(design, weights), self._order
         wind = von_karman_filter(
             model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
         )
@@ -165,4 +165,4 @@ class PredictiveController:
         if flag != SOLVED:
             # Nothing is feasible, which the flap's own motion never brings about: brake.
             return float(np.clip(-rate / (self._limit * self._time_step), -1.0, 1.0))
-        return action + self._horizon.first_offset * float(offsets[0])
+        return action + self.horizon.first_offset * float(offsets[0])

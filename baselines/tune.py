@@ -11,7 +11,16 @@ import numpy as np
 from tqdm import tqdm
 
 from baselines.settings import load_tuning
-from baselines.tuning import Bench, Tuned, tune_individual, tune_lqg, tune_pd, tune_pid, tune_saturating
+from baselines.tuning import (
+    Bench,
+    Tuned,
+    tune_individual,
+    tune_lqg,
+    tune_multiblade_saturating,
+    tune_pd,
+    tune_pid,
+    tune_saturating,
+)
 from flapgym.aeroelastic.model import load_model
 from flapgym.control import save_agent
 from flapgym.evaluation import writable_folder
@@ -36,6 +45,10 @@ CONTROLLERS: dict[str, tuple[Callable[[Bench], Tuned], str]] = {
     "lqg_saturating": (
         tune_saturating,
         "LQG of the clamped blade, as heavy as the margin allows, stops in the loop",
+    ),
+    "lqg_multiblade_saturating": (
+        tune_multiblade_saturating,
+        "LQG of the whole turning turbine, as heavy as the margin allows, stops in the loop",
     ),
 }
 

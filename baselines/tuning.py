@@ -12,12 +12,14 @@ from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import (
     BladeController,
+    DesignModel,
     PDGains,
     PIDGains,
     RotorController,
     Stability,
     Weights,
     closed_loop,
+    design_model,
     lqg_agent,
     multiblade_pid_agent,
     pd_agent,
@@ -123,12 +125,20 @@ def tune_lqg(bench: Bench) -> Tuned:
 
 def tune_saturating(bench: Bench) -> Tuned:
     """The heaviest weight the margin allows, for each candidate; of these the least rms."""
+    return _saturating(bench, "lqg_saturating", design_model(bench.model))
 
+
+def tune_multiblade_saturating(bench: Bench) -> Tuned:
+    """The same on the whole turning turbine."""
+    return _saturating(bench, "lqg_multiblade_saturating", design_model(bench.model, bench.model.turbine))
+
+
+def _saturating(bench: Bench, name: str, on: DesignModel) -> Tuned:
     def designs() -> Iterable[tuple[LinearController, dict[str, float]]]:
         for candidate in bench.tuning.lqg_saturating:
 
             def design(weight: float, candidate: LQGCandidate = candidate) -> LinearController:
-                return lqg_agent("lqg_saturating", bench.model, _weights(candidate, weight))
+                return lqg_agent(name, bench.model, _weights(candidate, weight), on)
 
             weight = heaviest(bench, design)
             yield design(weight), asdict(_weights(candidate, weight))

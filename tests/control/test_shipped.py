@@ -10,6 +10,7 @@ from flapgym.control import (
     AGENT_NAMES,
     BladeController,
     RotorController,
+    closed_loop,
     load_agent,
     made_for,
     stability,
@@ -57,6 +58,16 @@ def test_the_saturating_lqg_stays_within_the_stops_and_reduces_twice_as_much(mod
     for each in metrics.values():
         assert each.flap_angle_max.max() <= model.flap_angle_limit * (1.0 + 1e-12)
         assert each.flap_rate_max.max() <= model.flap_rate_limit * (1.0 + 1e-12)
+
+
+def test_individual_flap_control_takes_a_steady_tilting_moment_away(model):
+    """One added to what is measured is what is left of a tilting and yawing moment that stays; PID leaves most of it."""
+    left = {}
+    for name in ("pid", "individual_flap"):
+        loop = closed_loop(model, load_agent(name, model).system)
+        answer = loop.select(["noise_c", "noise_s"], ["rbm_c", "rbm_s"]).dc_gain()
+        left[name] = np.linalg.norm(np.eye(2) + answer, ord=2)
+    assert left["individual_flap"] < 0.1 < 0.7 < left["pid"] < 1.0
 
 
 def test_half_the_flaps_effect_shows_in_the_shipped_agents_table(model):

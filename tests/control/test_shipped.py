@@ -61,7 +61,7 @@ def test_the_saturating_lqg_stays_within_the_stops_and_reduces_twice_as_much(mod
 
 
 def test_individual_flap_control_takes_a_steady_tilting_moment_away(model):
-    """One added to what is measured is what is left of a tilting and yawing moment that stays; PID leaves most of it."""
+    """One plus the answer to what is added to a measurement is what is left of a moment that stays."""
     left = {}
     for name in ("pid", "individual_flap"):
         loop = closed_loop(model, load_agent(name, model).system)

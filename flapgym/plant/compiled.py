@@ -15,7 +15,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import carray, njit, types
+from numba.extending import intrinsic
 
 from flapgym.plant.layout import (
     ACCELERATION_LIMIT,
@@ -35,13 +36,13 @@ from flapgym.plant.layout import (
     FEWEST_IN_BATCH,
     FLAP_INPUTS,
     GROUP,
-    GROUPS,
     HEAD,
     INTERVALS,
     LAG_DECAY,
     LAG_GAIN,
     LANES,
     MEAN_SQUARE,
+    MODES,
     NOISY,
     OBSERVED,
     OWN,
@@ -63,6 +64,7 @@ from flapgym.plant.layout import (
     REWARD_RBM,
     REWARD_TOWER,
     ROW,
+    SAMPLE,
     SAMPLE_ANGLE,
     SAMPLE_RATE,
     SAMPLE_RBM,
@@ -100,34 +102,74 @@ ROW_PAIRS = 2 * GROUP
 GROUP_SIZE = CONSTANTS * GROUP
 
 
+@intrinsic
+def _doubles(typingctx, address):  # type: ignore[no-untyped-def]
+    """Pointer to double precision from an address."""
+    return _pointer_to(types.float64, address)
+
+
+@intrinsic
+def _singles(typingctx, address):  # type: ignore[no-untyped-def]
+    """Pointer to single precision from an address."""
+    return _pointer_to(types.float32, address)
+
+
+def _pointer_to(kind: Any, address: Any) -> tuple[Any, Any]:
+    signature = types.CPointer(kind)(address)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return signature, generate
+
+
 @njit(**OPTIONS)
-def advance(actions, real, state, pool, observation, rows, samples):  # type: ignore[no-untyped-def]
+def advance_double(handle, actions, observation, rows):  # type: ignore[no-untyped-def]
     """Hold actions for an interval; returns what happened.
 
     Parameters
     ----------
+    handle : (8,) int64
+        Address and length of four arrays, which `rows` and `observation` do not overlap: constants of the modes, the
+        modes and scratch; the doubles (flapgym.plant.layout); the responses to the wind, in the precision of the
+        modes; samples (n, k, SAMPLE), of length 0 if they are not wanted. A few arrays less make a cheaper call.
     actions : (n blades,) float32 or float64
         Fractions of the acceleration limit; clipped to +-1.
-    real : (..) float32 or float64
-        Constants of the modes, the modes, scratch.
-    state : (..) float64
-        Head, table of the observation, a record a turbine, noise.
-    pool : (responses, intervals, width) float32 or float64
-        Responses to the wind.
     observation : (n observed,) float32
         Filled.
     rows : (n ROW,) float64
         Filled.
-    samples : (n, k, SAMPLE) or (0, 0, 0) float64
-        Filled, if there is room.
 
     Returns
     -------
     int
-        Bit 0: some turbine's reward is not finite. Bit 1: some turbine's episode is over. Negative, with everything
-        untouched: -1 for a wrong number of actions, -2 - i if action i is not finite.
+        As flapgym.plant.interface.Plant.step.
     """
-    n, k, groups = int(state[COUNT]), int(state[STEPS]), int(state[GROUPS])
+    real = carray(_doubles(handle[0]), (handle[1],))
+    state = carray(_doubles(handle[2]), (handle[3],))
+    pool = carray(_doubles(handle[4]), (handle[5],))
+    samples = carray(_doubles(handle[6]), (handle[7],))
+    seen = carray(_singles(observation.ctypes.data), (observation.size,))
+    row = carray(_doubles(rows.ctypes.data), (rows.size,))
+    return _advance(actions, real, state, pool, samples, seen, row)
+
+
+@njit(**OPTIONS)
+def advance_single(handle, actions, observation, rows):  # type: ignore[no-untyped-def]
+    """The same with modes and responses in single precision."""
+    real = carray(_singles(handle[0]), (handle[1],))
+    state = carray(_doubles(handle[2]), (handle[3],))
+    pool = carray(_singles(handle[4]), (handle[5],))
+    samples = carray(_doubles(handle[6]), (handle[7],))
+    seen = carray(_singles(observation.ctypes.data), (observation.size,))
+    row = carray(_doubles(rows.ctypes.data), (rows.size,))
+    return _advance(actions, real, state, pool, samples, seen, row)
+
+
+@njit(**OPTIONS)
+def _advance(actions, real, state, pool, samples, observation, rows):  # type: ignore[no-untyped-def]
+    n, k, modes_count = int(state[COUNT]), int(state[STEPS]), int(state[MODES])
+    groups = (modes_count + GROUP - 1) // GROUP
     if actions.size != n * int(state[BLADE_COUNT]):
         return -1
     for i in range(actions.size):
@@ -147,7 +189,9 @@ def advance(actions, real, state, pool, observation, rows, samples):  # type: ig
         for t in range(n):
             own = state[records + t * OWN : records + (t + 1) * OWN]
             _move(t, 0, 1, actions, state, own, inputs, rows, samples)
-            _modes_of_one(k, every, constants, modes[t * size : (t + 1) * size], inputs, sums, outputs)
+            _modes_of_one(
+                k, every, modes_count, constants, modes[t * size : (t + 1) * size], inputs, sums, outputs
+            )
             status |= _read(t, 0, 1, state, own, inputs, outputs, pool, observation, rows, samples)
         return status
     size = groups * GROUP * PAIR
@@ -164,7 +208,7 @@ def advance(actions, real, state, pool, observation, rows, samples):  # type: ig
             own = state[records + t * OWN : records + (t + 1) * OWN]
             _move(t, lane, LANES, actions, state, own, inputs, rows, samples)
         _modes_of_block(
-            lanes, k, every, groups, constants, modes[block * size : (block + 1) * size], inputs, outputs
+            lanes, k, every, modes_count, constants, modes[block * size : (block + 1) * size], inputs, outputs
         )
         for lane in range(lanes):
             t = first + lane
@@ -177,7 +221,7 @@ def advance(actions, real, state, pool, observation, rows, samples):  # type: ig
 def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type: ignore[no-untyped-def]
     """Flaps of turbine t over the interval, as components at samples 0 to k; the row's part that is the flaps'."""
     k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
-    dt, record = state[TIME_STEP], samples.shape[0] > 0
+    dt, record = state[TIME_STEP], samples.size > 0
     top_angle, top_rate = state[ANGLE_LIMIT], state[RATE_LIMIT]
     decay, gain = state[LAG_DECAY], state[LAG_GAIN]
     angle_0, angle_c, angle_s = 0.0, 0.0, 0.0
@@ -220,8 +264,9 @@ def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type:
             for b in range(3):
                 square += own[OWN_ANGLE + b] ** 2
                 if record:
-                    samples[t, j - 1, SAMPLE_ANGLE + b] = own[OWN_ANGLE + b]
-                    samples[t, j - 1, SAMPLE_RATE + b] = own[OWN_RATE + b]
+                    sample = (t * k + j - 1) * SAMPLE + b
+                    samples[sample + SAMPLE_ANGLE] = own[OWN_ANGLE + b]
+                    samples[sample + SAMPLE_RATE] = own[OWN_RATE + b]
         for kind in range(2):
             first = state[EFFECTIVENESS] * own[3 * kind]
             second = state[EFFECTIVENESS + 1] * own[3 * kind + 1]
@@ -246,10 +291,10 @@ def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type:
 
 
 @njit(**OPTIONS)
-def _modes_of_one(k, every, constants, modes, inputs, sums, outputs):  # type: ignore[no-untyped-def]
+def _modes_of_one(k, every, count, constants, modes, inputs, sums, outputs):  # type: ignore[no-untyped-def]
     """Modes of one turbine over the interval: outputs at samples 1 to k, without the feedthrough."""
     sums[: k * 8 * GROUP] = 0.0
-    for g in range(modes.size // ROW_PAIRS):
+    for g in range((count + GROUP - 1) // GROUP):
         c = constants[g * GROUP_SIZE : (g + 1) * GROUP_SIZE]
         z = modes[g * ROW_PAIRS : (g + 1) * ROW_PAIRS]
         for j in range(k):
@@ -300,10 +345,10 @@ def _modes_of_one(k, every, constants, modes, inputs, sums, outputs):  # type: i
 
 
 @njit(**OPTIONS)
-def _modes_of_block(lanes, k, every, groups, constants, modes, inputs, outputs):  # type: ignore[no-untyped-def]
+def _modes_of_block(lanes, k, every, count, constants, modes, inputs, outputs):  # type: ignore[no-untyped-def]
     """The same for up to LANES turbines side by side, two modes at a time."""
     outputs[: 8 * k * LANES] = 0.0
-    for pair in range(groups * GROUP // 2):
+    for pair in range(count // 2):
         c = constants[(pair // (GROUP // 2)) * GROUP_SIZE + 2 * (pair % (GROUP // 2)) :]
         l0, l1 = c[0], c[GROUP]
         a0, a1, a2 = c[DRIVE * GROUP], c[(DRIVE + 1) * GROUP], c[(DRIVE + 2) * GROUP]
@@ -351,10 +396,12 @@ def _modes_of_block(lanes, k, every, groups, constants, modes, inputs, outputs):
 def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows, samples):  # type: ignore[no-untyped-def]
     """Loads, reward and observation of turbine t; its clock goes on."""
     k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
-    every, record = state[EVERY] != 0.0, samples.shape[0] > 0
+    every, record = state[EVERY] != 0.0, samples.size > 0
     level, elapsed = own[OWN_LEVEL], int(own[OWN_ELAPSED])
     direct = state[DIRECT : DIRECT + 8 * FLAP_INPUTS]
-    wind = pool[int(own[OWN_RESPONSE]), min(elapsed, int(state[INTERVALS]) - 1)]
+    width = 9 * k if every else 3 * k + 6
+    interval = int(own[OWN_RESPONSE]) * int(state[INTERVALS]) + min(elapsed, int(state[INTERVALS]) - 1)
+    wind = pool[interval * width : (interval + 1) * width]
     row = rows[t * ROW : (t + 1) * ROW]
     cosine, sine = row[COSINE], row[SINE]
     for b in range(3):
@@ -403,7 +450,7 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
             row[WIND] = level * wind[start + 2]
             fore_aft += row[TOWER] ** 2
         if record:
-            sample = samples[t, j - 1]
+            sample = samples[(t * k + j - 1) * SAMPLE : (t * k + j) * SAMPLE]
             for b in range(3):
                 sample[SAMPLE_RBM + b], sample[SAMPLE_TIP + b] = row[RBM + b], row[TIP + b]
             sample[SAMPLE_TOWER], sample[SAMPLE_TOWER + 1] = row[TOWER], row[TOWER + 1]

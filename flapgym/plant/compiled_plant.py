@@ -6,14 +6,14 @@ import sys
 from typing import Any
 
 import numpy as np
-from numba import float32, float64, int64
+from numba import types
 from numba.core import event
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant import layout
 from flapgym.plant.actuator import Actuator
-from flapgym.plant.compiled import advance
+from flapgym.plant.compiled import advance_double, advance_single
 from flapgym.plant.interface import FloatArray, Setup, Start, Task
 from flapgym.plant.kernel import Kernel, prepare
 from flapgym.plant.lifted_plant import first_feedthrough, first_interval
@@ -42,26 +42,34 @@ class _Announce(event.Listener):
         """Nothing to say."""
 
 
-def load_kernel(precision: str) -> None:
-    """Compile the kernel for a precision, or read it from the cache, so that no step has to wait."""
-    kinds: dict[str, Any] = {"float64": float64, "float32": float32}
-    real, announce = kinds[precision], _Announce()
-    for action in kinds.values():
-        signature = int64(
-            action[::1],
-            real[::1],
-            float64[::1],
-            real[:, :, ::1],
-            float32[::1],
-            float64[::1],
-            float64[:, :, ::1],
+NO_SAMPLES = np.empty((0, 0, 0))
+ndarray, FLOAT32, FLOAT64 = np.ndarray, np.dtype(np.float32), np.dtype(np.float64)
+
+
+def load_kernel(precision: str) -> tuple[Any, Any]:
+    """Compile the kernel for a precision, or read it from the cache, so that no step has to wait.
+
+    Returns
+    -------
+    single, double : callable
+        The compiled code for actions in single and in double precision. It is called past numba's look-up of types,
+        which costs as much as a third of a step: who calls it sees to the types.
+    """
+    function = {"float64": advance_double, "float32": advance_single}[precision]
+    announce, entries = _Announce(), []
+    for action in (types.float32, types.float64):
+        arguments = (
+            types.int64[::1],
+            # Strided and read-only arrays are actions too.
+            types.Array(action, 1, "A", readonly=True),
+            types.float32[::1],
+            types.float64[::1],
         )
-        if signature.args not in advance.overloads:
+        if arguments not in function.overloads:
             with event.install_listener("numba:compile", announce):
-                advance.disable_compile(False)
-                advance.compile(signature)
-                # Anything else is refused with a TypeError instead of compiled on the fly.
-                advance.disable_compile()
+                function.compile(types.int64(*arguments))
+        entries.append(function.overloads[arguments].entry_point)
+    return entries[0], entries[1]
 
 
 class CompiledPlant:
@@ -77,7 +85,7 @@ class CompiledPlant:
     """
 
     def __init__(self, model: TurbineModel, count: int, setup: Setup, task: Task) -> None:
-        load_kernel(setup.precision)
+        self._entries = load_kernel(setup.precision)
         self.model, self.count, self.setup, self.task = model, count, setup, task
         self.fingerprint = plant_fingerprint(model)
         self._kernel = prepare(
@@ -88,6 +96,21 @@ class CompiledPlant:
         self._groups = -(-self._kernel.flap.order // layout.GROUP)
         self._real = self._modes_and_scratch()
         self._state = np.concatenate([self._head(), self._table(), np.zeros(count * layout.OWN)])
+        self._handle = self._addresses(NO_SAMPLES)
+
+    def _addresses(self, samples: Array) -> NDArray[np.int64]:
+        """Where the plant's arrays are, for the compiled code."""
+        arrays: tuple[FloatArray, ...] = (self._real, self._state, self._responses.rows, samples)
+        return np.array([number for array in arrays for number in (array.ctypes.data, array.size)])
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy has its arrays elsewhere, and fetches the code itself."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("_entries", "_handle")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._entries = load_kernel(self.setup.precision)
+        self._handle = self._addresses(NO_SAMPLES)
 
     def _head(self) -> Array:
         model, setup, task, kernel = self.model, self.setup, self.task, self._kernel
@@ -103,7 +126,7 @@ class CompiledPlant:
             layout.COUNT: self.count,
             layout.STEPS: setup.steps_per_action,
             layout.INTERVALS: setup.intervals,
-            layout.GROUPS: self._groups,
+            layout.MODES: -(-self._kernel.flap.order // layout.VECTOR) * layout.VECTOR,
             layout.BLADE_COUNT: setup.blades,
             layout.EVERY: setup.every_sample,
             layout.OBSERVED: task.size,
@@ -202,11 +225,19 @@ class CompiledPlant:
         if self._state[layout.NOISY] == 0.0:
             self._state = np.concatenate([self._state, np.zeros(size)])
             self._state[layout.NOISY] = 1.0
+            self._handle = self._addresses(NO_SAMPLES)
         self._state[-size:].reshape(self.count, -1)[turbines] = noise.reshape(len(turbines), -1)
 
     def step(self, actions: FloatArray, observation: NDArray[np.float32], rows: Array, samples: Array) -> int:
         """Hold actions (n blades,) for k plant steps; see flapgym.plant.interface.Plant."""
-        return advance(actions, self._real, self._state, self._responses.rows, observation, rows, samples)
+        handle = self._handle if samples.size == 0 else self._addresses(samples)
+        if actions.__class__ is ndarray and actions.ndim == 1:
+            # The very objects, as of every plain array; another byte order, say, is another object.
+            if actions.dtype is FLOAT32:
+                return self._entries[0](handle, actions, observation, rows)
+            if actions.dtype is FLOAT64:
+                return self._entries[1](handle, actions, observation, rows)
+        raise TypeError("actions: expected a flat array of floats")
 
     def get_state(self, turbine: int) -> dict[str, Any]:
         """What changes of a turbine, but for its realisation, as plain values for JSON."""

@@ -33,7 +33,7 @@ FLAP_INPUTS = 6
 
 # ------------------------------------------------------------------- the doubles
 # Head: sizes and switches, then physics.
-COUNT, STEPS, INTERVALS, GROUPS, BLADE_COUNT, EVERY, OBSERVED, NOISY = range(8)
+COUNT, STEPS, INTERVALS, MODES, BLADE_COUNT, EVERY, OBSERVED, NOISY = range(8)
 TIME_STEP, TURN, COSINE_TURN, SINE_TURN = range(8, 12)
 ANGLE_LIMIT, RATE_LIMIT, ACCELERATION_LIMIT, LAG_DECAY, LAG_GAIN = range(12, 17)
 WEIGHT_RBM, WEIGHT_ANGLE, WEIGHT_TOWER = range(17, 20)
@@ -57,8 +57,11 @@ LANES = 128
 """Turbines of a block in a batch: its modes stay in the second-level cache, a pair of them in the first."""
 FEWEST_IN_BATCH = 8
 """Turbines from which they are stepped side by side; fewer are stepped one by one, modes side by side."""
-GROUP = 16
-"""Modes of a group: their constants lie row by row, so that a vector unit takes them together."""
+GROUP = 144
+"""Modes of a group: their constants lie row by row, so that a vector unit takes them together. The shipped model's 137
+make one group; groups of 16, with their loops' beginnings and ends, took three times as long."""
+VECTOR = 16
+"""Modes are filled up with zeros to a multiple of this: no loop has a remainder."""
 DECAY, DRIVE, READ, READ_LAST = 0, 2, 14, 20
 """Rows of a group: eigenvalue; six inputs to the real, then to the imaginary part; real and imaginary part in turn to
 each moment, then to the other five outputs."""

@@ -11,11 +11,14 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import BLADES
 from flapgym.envs.observation import bound_of, task_of
 from flapgym.envs.settings import Settings
 from flapgym.plant import Setup, Start, layout, make_plant
-from flapgym.state_space import Array
+from flapgym.reduction import output_rms
+from flapgym.state_space import Array, series
+from flapgym.turbulence import von_karman_filter
 
 RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turbulence_intensity")
 
@@ -34,20 +37,27 @@ class Fleet:
     settings : Settings
     count : int
         Number of turbines n.
+    single_blade : bool
+        The clamped single blade in place of each turbine.
     """
 
-    def __init__(self, settings: Settings, count: int) -> None:
+    def __init__(self, settings: Settings, count: int, single_blade: bool = False) -> None:
         self.settings, self.count = settings, count
         self.model = settings.turbine_model()
+        if single_blade:
+            settings.check_single_blade()
+            self.model = with_blade_rms(self.model)
         self.setup = Setup(
             steps_per_action=settings.steps_per_action,
             intervals=settings.intervals(self.model.time_step),
             length_scale=settings.length_scale,
             every_sample=settings.record_samples or settings.tower_weight > 0.0,
             faults=settings.faults(self.model),
+            single_blade=single_blade,
             precision=settings.precision,
             kernel=settings.kernel,
             pool=settings.realisation_pool,
+            delay=settings.delay(self.model.time_step),
         )
         self.task = task_of(
             settings.observe,
@@ -231,6 +241,15 @@ class Fleet:
             measurement_noise=measured,
             gust=self._gust,
         )
+
+
+def with_blade_rms(model: TurbineModel) -> TurbineModel:
+    """The model with the root moment's open-loop rms of its clamped blade in place of the turbine's."""
+    shaping = von_karman_filter(
+        model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step
+    )
+    joint = series(shaping, model.blade.select(["wind"], ["rbm"]))
+    return dataclasses.replace(model, rbm_rms=float(output_rms(joint)[0]))
 
 
 def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] | Array:

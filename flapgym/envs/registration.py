@@ -33,7 +33,51 @@ class Registered:
     vector: str = "flapgym.envs.vector:FlapVectorEnv"
 
 
-ENVIRONMENTS = (Registered(TURBINE_ID, "The turbine of three blades in homogeneous turbulence."),)
+ENVIRONMENTS = (
+    Registered(TURBINE_ID, "The turbine of three blades in homogeneous turbulence."),
+    Registered(
+        "flapgym/NREL5MWBlade-v0",
+        "The clamped single blade, the paper's design model: one flap, one moment.",
+        single="flapgym.envs.blade:BladeEnv",
+        vector="flapgym.envs.blade:BladeVectorEnv",
+    ),
+    Registered(
+        "flapgym/NREL5MWGust-v0",
+        "The turbine in an extreme operating gust, in still air otherwise. The gust is that of IEC 61400-1 (2005) for "
+        "class IA; it begins after 5 s and raises the wind by 4.2 m/s at its peak. Azimuth is all that differs between "
+        "episodes.",
+        {"gust": {"kind": "extreme_operating_gust", "start": 5.0}, "turbulence_intensity": 0.0},
+    ),
+    Registered(
+        "flapgym/NREL5MWNoisyDelayed-v0",
+        "The turbine whose moments are measured late and with noise. White noise of 20 kN m rms (2.3 % of the "
+        "open-loop rms) and a delay of 49 ms, seven plant steps.",
+        {"measurement_noise": 2e4, "sensor_delay": 0.049},
+    ),
+    Registered(
+        "flapgym/NREL5MWActuatorLag-v0",
+        "The turbine whose flaps lag behind their commands. A flap's acceleration follows its command with a "
+        "first-order lag of 50 ms; a controller that does not know of it loses phase.",
+        {"actuator_lag": 0.05},
+    ),
+    Registered(
+        "flapgym/NREL5MWStuckFlap-v0",
+        "The turbine with the flap of blade 2 stuck at 5 deg. Its commands are ignored. The blade carries the steady "
+        "load of that angle, which no other flap can take off: doing nothing earns about -1.05 a step here.",
+        {"stuck_flaps": [None, 0.08726646259971647, None]},
+    ),
+    Registered(
+        "flapgym/NREL5MWFloatingFlap-v0",
+        "The turbine with the flap of blade 2 floating. Its actuator moves as commanded, but the flap has come loose "
+        "and aligns itself with the flow: it does nothing to the air.",
+        {"flap_effectiveness": [1.0, 0.0, 1.0]},
+    ),
+    Registered(
+        "flapgym/NREL5MWWeakFlap-v0",
+        "The turbine whose flap on blade 3 does 60 % of what the others do.",
+        {"flap_effectiveness": [1.0, 1.0, 0.6]},
+    ),
+)
 """Every environment of the package."""
 
 

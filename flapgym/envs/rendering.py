@@ -115,9 +115,12 @@ class Screen:
         now = self._now
         limit = np.rad2deg(self._model.flap_angle_limit)
         self._rotor(now)
-        self._text("rotor from upwind", (20, 14), 16, WIND)
+        self._text(
+            "rotor from upwind" if "azimuth" in now else "clamped blade from upwind", (20, 14), 16, WIND
+        )
         self._text(f"t {self._elapsed * self._period:6.2f} s", (20, 430), 20)
-        self._text(f"azimuth {np.rad2deg(now['azimuth']):5.0f} deg", (120, 430), 20)
+        if "azimuth" in now:
+            self._text(f"azimuth {np.rad2deg(now['azimuth']):5.0f} deg", (120, 430), 20)
         self._text(f"wind {self._model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
         for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
             self._text(f"flap {blade + 1}  {np.rad2deg(angle):+5.1f} deg", (20 + 92 * blade, 405), 16, colour)
@@ -135,14 +138,12 @@ class Screen:
     def _rotor(self, now: dict[str, Any]) -> None:
         """Tower, blades and flaps; seen from upwind the rotor turns clockwise."""
         draw = self._pygame.draw
-        draw.polygon(
-            self._canvas,
-            GREY,
-            [(HUB[0] - 3, HUB[1]), (HUB[0] + 3, HUB[1]), (HUB[0] + 6, 362), (HUB[0] - 6, 362)],
-        )
-        draw.circle(self._canvas, GREY, HUB, REACH, 1)
+        if "azimuth" in now:
+            foot = [(HUB[0] - 3, HUB[1]), (HUB[0] + 3, HUB[1]), (HUB[0] + 6, 362), (HUB[0] - 6, 362)]
+            draw.polygon(self._canvas, GREY, foot)
+            draw.circle(self._canvas, GREY, HUB, REACH, 1)
         for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
-            azimuth = now["azimuth"] + 2.0 * np.pi * blade / 3.0
+            azimuth = now.get("azimuth", 0.0) + 2.0 * np.pi * blade / 3.0
             outline = [(0.02, 3.0), (0.2, 5.0), (1.0, 1.5), (1.0, -2.5), (0.2, -13.0), (0.02, -3.0)]
             draw.polygon(self._canvas, BLADE, [_place(azimuth, *corner) for corner in outline])
             inner, outer = FLAP_SPAN

@@ -51,6 +51,8 @@ class FlapVecEnv(VecEnv):
         self.per_blade = per_blade
         space, actions = env.single_observation_space, env.single_action_space
         assert isinstance(space, spaces.Box)
+        if per_blade and base.single_blade:
+            raise ValueError("per_blade: expected False, each environment is one blade already")
         if per_blade:
             for name in base.settings.observe:
                 if QUANTITIES[name].size != BLADES:
@@ -81,7 +83,7 @@ class FlapVecEnv(VecEnv):
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Advance by the actions kept."""
         assert self._actions is not None
-        actions = self._actions.reshape(self.env.num_envs, BLADES)
+        actions = self._actions.reshape(self.env.action_space.shape)
         observation, reward, terminated, truncated, info = self.env.step(actions)
         ended = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]

@@ -78,6 +78,8 @@ class Settings:
             )
         if self.gust is not None:
             gust_of(self.gust)
+            if self.realisation_pool:
+                raise ValueError("realisation_pool: expected 0 beside a gust, whose wind no pool holds")
 
     @classmethod
     def of(cls, keywords: dict[str, Any]) -> Settings:
@@ -109,6 +111,14 @@ class Settings:
                 f'model="{target}.safetensors"'
             )
         return model
+
+    def check_single_blade(self) -> None:
+        """Refuse what only a whole turbine has."""
+        for name in self.observe:
+            if name in ("azimuth", "tower_top"):
+                raise ValueError(f"observe: a single blade has no {name}")
+        if self.tower_weight:
+            raise ValueError(f"tower_weight: expected 0 for a single blade, got {self.tower_weight!r}")
 
     def faults(self, model: TurbineModel) -> Faults:
         """What is wrong with the flaps of a model.
@@ -200,7 +210,11 @@ def _checked_intensity(given: Any) -> float | tuple[float, ...]:
     several = isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, str) and np.ndim(given) == 1
     values = list(given) if several else [given]
     for value in values:
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, (int, float, np.number))
+            or not math.isfinite(value)
+        ):
             raise ValueError(f"turbulence_intensity: expected a finite number, got {value!r}")
         if not 0.0 <= value < 1.0:
             raise ValueError(

@@ -113,8 +113,13 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
     | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air; `FlapVectorEnv` takes several |
     | `length_scale` | 147.0 | of the von Karman spectrum [m] |
+    | `gust` | `None` | a wind beside the turbulence, see below |
     | `duration` | 20.0 | of an episode [s] |
     | `measurement_noise` | 0.0 | rms of white noise on the observed RBM [N m]; the reward sees none |
+    | `sensor_delay` | 0.0 | by which the observed RBM is late [s], a multiple of the plant step; the reward is not |
+    | `actuator_lag` | 0.0 | time constant [s] of a first-order lag of a flap's acceleration behind its command |
+    | `stuck_flaps` | `(None, None, None)` | angles [rad] at which flaps have long been stuck; `None` moves |
+    | `flap_effectiveness` | `(1.0, 1.0, 1.0)` | factors on what each flap does to the air; 0 floats, aligned with it |
     | `steps_per_action` | 5 | plant steps for which an action is held; 1 is the paper's, 5 to 10 train well |
     | `observe` | `("rbm",)` | what is observed, see above |
     | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward |
@@ -124,6 +129,26 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `kernel` | `"auto"` | `"numba"` (extra `fast`), `"numpy"`, or the first installed; equal to round-off |
     | `render_mode` | `None` | `"rgb_array"` or `"human"` |
 
+    ## Gusts
+
+    `gust` is a mapping of plain values in SI units. Its wind comes along the shaft on top of the turbulence; with
+    `turbulence_intensity=0` it comes alone. Times count from the start of the episode, and the turbine begins in
+    equilibrium with what the gust was before.
+
+    | `kind` | further entries | wind perturbation |
+    |---|---|---|
+    | `"step"` | `size`, `start` | `size` from `start` on |
+    | `"ramp"` | `size`, `duration`, `start` | a straight rise to `size` over `duration`, which stays |
+    | `"sinusoid"` | `amplitude`, `frequency`, `start` | from `start` on, beginning at zero; frequency in Hz |
+    | `"extreme_operating_gust"` | classes, `start` | dip, peak and dip within 10.5 s |
+    | `"recorded"` | `file`, `start` | a series from a CSV file |
+
+    `start` is 0 if it is not given. The extreme operating gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2;
+    its `turbine_class` (`"I"` to `"III"`, default `"I"`) and `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be
+    given, as may `rotor_diameter` (126) and `hub_height` (90). A recording has the header `time [s], wind [m/s]`, or
+    `wind_perturbation [m/s]` about the mean wind, is linear between its samples and must last for the episode, which
+    begins at its moment `start`, by default its first.
+
     ## Version History
 
     - v0: first version.
@@ -131,12 +156,14 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 (Gymnasium's form)
 
+    single_blade = False
+
     def __init__(self, render_mode: str | None = None, **keywords: Any) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {render_mode!r}')
         self.render_mode = render_mode
         self.settings = Settings.of(keywords)
-        self._fleet = Fleet(self.settings, 1)
+        self._fleet = Fleet(self.settings, 1, self.single_blade)
         self.observation_space = self._fleet.observation_space
         self.action_space = self._fleet.action_space
         self._running = False

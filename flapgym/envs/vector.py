@@ -41,6 +41,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         Those of `FlapEnv`.
     """
 
+    single_blade = False
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -59,7 +61,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.settings = Settings.of(keywords)
-        self._fleet = Fleet(self.settings, num_envs)
+        self._fleet = Fleet(self.settings, num_envs, self.single_blade)
         self.single_observation_space = self._fleet.observation_space
         self.single_action_space = self._fleet.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)

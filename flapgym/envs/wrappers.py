@@ -8,6 +8,7 @@ The same for the vector environment stands in `flapgym.envs.vector_wrappers`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -61,6 +62,16 @@ class TargetAngle(
         observation, reward, terminated, truncated, info = self.env.step(acceleration)
         self._angle, self._rate = info["flap_angle"], info["flap_rate"]
         return observation, float(reward), terminated, truncated, info
+
+    def get_state(self) -> dict[str, Any]:
+        """State of the environment with the flap motion the inner loop starts from, as plain values for JSON."""
+        state: dict[str, Any] = self.env.get_wrapper_attr("get_state")()
+        return state | {"flaps": [self._angle.tolist(), self._rate.tolist()]}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state that `get_state` gave."""
+        self.env.get_wrapper_attr("set_state")(state)
+        self._angle, self._rate = np.array(state["flaps"])
 
 
 class Residual(
@@ -122,6 +133,19 @@ class Residual(
                 break
         info = infos[-1] | averaged(infos) | {"agent_action": own}
         return self._observation, sum(rewards) / len(rewards), terminated, truncated, info
+
+    def get_state(self) -> dict[str, Any]:
+        """State of the environment, and what the agent saw and keeps in mind, as plain values for JSON."""
+        state: dict[str, Any] = self.env.get_wrapper_attr("get_state")()
+        mind = None if self._state is None else np.asarray(self._state).tolist()
+        return state | {"agent": [self._observation.tolist(), mind]}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state that `get_state` gave."""
+        self.env.get_wrapper_attr("set_state")(state)
+        seen, mind = state["agent"]
+        self._observation = np.array(seen, dtype=np.float32)
+        self._state = None if mind is None else np.array(mind)
 
 
 def flap_model(base: Any) -> Any:

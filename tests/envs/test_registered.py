@@ -42,8 +42,7 @@ def test_the_same_seed_gives_the_same_episode(name):
     with_checks, without = gymnasium.make(name), gymnasium.make(name, disable_env_checker=True)
     for one, other in zip(_rollout(with_checks, 7), _rollout(without, 7), strict=True):
         assert data_equivalence(one, other, exact=True)
-    (first, _), (second, _) = without.reset(seed=8), without.reset(seed=7)
-    assert not np.array_equal(first, second)
+    assert not data_equivalence(without.reset(seed=8), without.reset(seed=7), exact=True)
 
 
 @every_id
@@ -126,16 +125,12 @@ def test_make_vec_gives_the_trajectories_of_single_environments(name):
 
 @every_id
 def test_ten_thousand_random_actions_leave_every_number_finite_and_in_bounds(name):
-    env = gymnasium.make_vec(name, num_envs=16, steps_per_action=10)
+    env = gymnasium.make_vec(name, num_envs=64, steps_per_action=10)
     env.action_space.seed(1)
     env.reset(seed=1)
-    first = largest = 0.0
-    for step in range(625):
+    for _ in range(160):
         observation, reward, terminated, _, info = env.step(env.action_space.sample())
         assert env.observation_space.contains(observation)
         assert np.isfinite(reward).all()
         assert not terminated.any()
-        largest = max(largest, float(np.abs(info["rbm"]).max()))
-        if step == 312:
-            first, largest = largest, 0.0
-    assert largest < 2.0 * first
+        assert np.abs(info["rbm"]).max() < 10.0 * env.unwrapped.model.rbm_rms

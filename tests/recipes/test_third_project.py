@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-RECIPES = {"sb3_ppo.py": "2000", "cleanrl_ppo.py": "1000"}
+RECIPES = {"sb3_ppo.py": "2000", "cleanrl_ppo.py": "1000", "planner.py": "3"}
 
 
 @pytest.fixture(scope="session")
@@ -38,10 +38,14 @@ def wheel(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def project(tmp_path_factory, wheel):
-    """A folder outside the repository, and the environment in which only the wheel's flapgym is found first."""
+    """A folder outside the repository, and the environment in which the wheel's flapgym is found, and no numba.
+
+    The plain installation has none; it would also have to compile once more there.
+    """
     folder = tmp_path_factory.mktemp("project")
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target"]
     subprocess.run([*install, folder / "site", wheel], check=True, capture_output=True, text=True)
+    (folder / "site" / "sitecustomize.py").write_text("import sys; sys.modules['numba'] = None")
     return folder, {**os.environ, "PYTHONPATH": str(folder / "site"), "OMP_NUM_THREADS": "1"}
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from baselines.rivals.contestants import saturating_weights
+from baselines.rivals.contestants import shipped_weights
 from flapgym.aeroelastic.model import load_model
 from flapgym.control import PredictiveController
 from flapgym.evaluation import simulate
@@ -28,7 +28,7 @@ Solve = Callable[[Array], Any]
 def optima() -> tuple[Array, Array]:
     """Rows (N, m) that the offsets must correct, and what they do to them (m, n)."""
     model = load_model()
-    agent = PredictiveController("mpc", model, saturating_weights())
+    agent = PredictiveController("mpc", model, shipped_weights("lqg_saturating"))
     seen: list[Array] = []
     solve = agent.within
 

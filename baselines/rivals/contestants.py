@@ -51,7 +51,8 @@ def rivals(model: TurbineModel) -> list[Rival]:
         found.append(Rival(agent, label))
         if isinstance(agent, RotorController):
             found.append(Rival(tilt_and_yaw_alone(agent), "tilt and yaw PID alone"))
-    weights = saturating_weights()
+    # What differs from the saturating LQG is what MPC knows, not what it weighs.
+    weights = shipped_weights("lqg_saturating")
     found.append(Rival(PredictiveController("mpc", model, weights), "MPC, knows the stops"))
     for seconds in PREVIEWS:
         agent = PredictiveController(
@@ -61,9 +62,9 @@ def rivals(model: TurbineModel) -> list[Rival]:
     return found
 
 
-def saturating_weights() -> Weights:
-    """Those of the shipped saturating LQG: what differs is what MPC knows, not what it weighs."""
-    design = agent_design("lqg_saturating")
+def shipped_weights(name: str) -> Weights:
+    """Those of a shipped LQG."""
+    design = agent_design(name)
     return Weights(**{key: design[key] for key in ("rbm", "flap_angle", "acceleration", "measurement_noise")})
 
 

@@ -16,7 +16,6 @@ from flapgym.control import (
     agent_design,
     closed_loop,
     design_model,
-    load_agent,
     pd_agent,
     pid_agent,
     stationary_rms,
@@ -90,23 +89,24 @@ class EqualLoad:
     hinge_power: float
 
 
-def at_equal_load(model: TurbineModel, noise: float) -> dict[str, EqualLoad]:
-    """LQG, PD, PID and a calm LQG with gains at which all leave the same rms moment, by Lyapunov equations.
+def at_equal_load(model: TurbineModel, weights: Weights, noise: float) -> dict[str, EqualLoad]:
+    """An LQG, and PD, PID and a calm LQG with gains at which they leave the same rms moment, by Lyapunov equations.
 
     Parameters
     ----------
     model : TurbineModel
+    weights : Weights
+        Of the LQG that sets the load, on the clamped blade; PD and PID are the shipped ones but for their gain.
     noise : float
         Rms of the measurement noise over the open-loop rms moment, white at every step.
     """
     reference = stationary_rms(model)["rbm"]
     sigma = noise * model.rbm_rms
-    lqg = load_agent("lqg", model).system  # type: ignore[attr-defined]
-    target = stationary_rms(model, lqg, measurement_noise=sigma)
+    design = design_model(model)
+    target = stationary_rms(model, synthesise(design, weights), measurement_noise=sigma)
     found = {"lqg": _stationary(target, reference)}
     pd = PDGains(**{each.name: agent_design("pd")[each.name] for each in fields(PDGains)})
     pid = PIDGains(**{each.name: agent_design("pid")[each.name] for each in fields(PIDGains)})
-    design = design_model(model)
     families: dict[str, tuple[Callable[[float], StateSpace], float]] = {
         "pd": (lambda gain: pd_agent("pd", model, replace(pd, proportional=gain)).system, pd.proportional),
         "pid": (

@@ -11,7 +11,7 @@ import numpy as np
 from baselines.paper.cache import Cache, fingerprint
 from baselines.paper.effects import respond
 from baselines.rivals.bound import HOLD, Bound, best_flap, flap_response
-from baselines.rivals.contestants import PlannedFlap, Rival, rivals, saturating_weights
+from baselines.rivals.contestants import PlannedFlap, Rival, rivals, shipped_weights
 from baselines.rivals.duty import Duty, as_array, at_equal_load, measure_duty
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop, PredictiveController
@@ -144,17 +144,20 @@ class Study:
 
     def equal_load(self) -> Array:
         """(noises, controllers, columns): LQG, PD, PID and calm LQG at the LQG's load; columns of `EqualLoad`."""
+        weights = shipped_weights("lqg")
 
         def make() -> dict[str, Array]:
-            return {"found": np.array([as_array(at_equal_load(self.model, noise)) for noise in NOISES])}
+            return {
+                "found": np.array([as_array(at_equal_load(self.model, weights, noise)) for noise in NOISES])
+            }
 
-        return self.cache.arrays("equal-load", {"noises": NOISES}, make)["found"]
+        return self.cache.arrays("equal-load", {"noises": NOISES, "weights": asdict(weights)}, make)["found"]
 
     def solve_times(self) -> Array:
         """CPU seconds of each constrained optimum of the predictive controller on a minute of wind, solver and call."""
 
         def make() -> dict[str, Array]:
-            agent = PredictiveController("mpc", self.model, saturating_weights())
+            agent = PredictiveController("mpc", self.model, shipped_weights("lqg_saturating"))
             spent: list[float] = []
             solve = agent.within
 

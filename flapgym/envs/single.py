@@ -166,6 +166,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._fleet = Fleet(self.settings, 1, self.single_blade)
         self.observation_space = self._fleet.observation_space
         self.action_space = self._fleet.action_space
+        self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._frame_period())}
         self._running = False
         self._observed = self._fleet.task.size
         self._screen = (

@@ -6,6 +6,7 @@ Warnings are errors throughout.
 from __future__ import annotations
 
 import copy
+import json
 import pickle
 
 import gymnasium
@@ -78,6 +79,18 @@ def test_a_copy_goes_on_as_the_original(name, copied):
     action = env.action_space.sample()
     for _ in range(10):
         assert data_equivalence(env.step(action), twin.step(action), exact=True)
+
+
+@every_id
+def test_a_state_survives_json_and_goes_on_bit_for_bit(name):
+    env, twin = gymnasium.make(name).unwrapped, gymnasium.make(name).unwrapped
+    list(_rollout(env, 4))
+    twin.reset(seed=1)
+    twin.set_state(json.loads(json.dumps(env.get_state())))
+    action = env.action_space.sample()
+    for _ in range(10):
+        assert data_equivalence(env.step(action), twin.step(action), exact=True)
+    assert data_equivalence(env.reset(), twin.reset(), exact=True)
 
 
 @every_id

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import gymnasium
 import numpy as np
 import pytest
@@ -102,6 +104,19 @@ def test_wrapped_environments_are_made_again_from_their_spec(model_file, which):
         one, two = env.step(action), twin.step(action)
         np.testing.assert_array_equal(one[0], two[0])
         assert one[1] == two[1]
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["TargetAngle", "Residual"])
+def test_the_state_of_a_wrapped_environment_survives_json(model_file, which):
+    env, twin = _wrapped(model_file)[which], _wrapped(model_file)[which]
+    action = np.array([0.4, -0.2, 0.9], dtype=np.float32)
+    env.reset(seed=4)
+    for _ in range(5):
+        env.step(action)
+    twin.reset(seed=1)
+    twin.set_state(json.loads(json.dumps(env.get_state())))
+    for _ in range(5):
+        np.testing.assert_array_equal(env.step(-action)[0], twin.step(-action)[0])
 
 
 def test_no_correction_leaves_the_agent_alone():

@@ -1,0 +1,82 @@
+"""What the shipped agents reach in every registered environment of the whole turbine: for the environments' pages.
+
+    python -m benchmarks.variants docs
+
+writes `docs/environments/scores.json`, which `python -m flapgym.envs.page docs` puts into the pages. The agents are
+those of the base case, unchanged: a variant shows what they are worth where the turbine is not the one they know.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from flapgym.aeroelastic import load_model
+from flapgym.atomic import write_atomically
+from flapgym.control import AGENT_NAMES, load_agent
+from flapgym.envs.registration import ENVIRONMENTS, Registered
+from flapgym.evaluation.compare import SCORED_SEED
+from flapgym.evaluation.metrics import measure
+from flapgym.evaluation.simulate import simulate
+
+TURBULENT, GUST = 120.0, 20.0
+"""Length of a realisation [s] in turbulence, and of a gust's episode."""
+
+
+def scores(entry: Registered, agents: Sequence[str], realisations: int, seconds: float) -> dict[str, Any]:
+    """Mean rms and damage-equivalent load of the root moment [N m] and flap travel [rad/s] of each agent."""
+    keywords = dict(entry.keywords)
+    model = load_model(keywords.pop("model", "nrel5mw-rated"))
+    result = {}
+    for name in agents:
+        metrics = measure(
+            simulate(
+                load_agent(name, model),
+                model,
+                range(SCORED_SEED, SCORED_SEED + realisations),
+                seconds,
+                **keywords,
+            )
+        )
+        result[name] = {
+            "rbm_rms": float(np.mean(metrics.rbm_rms)),
+            "rbm_del": float(np.mean(metrics.rbm_del)),
+            "flap_travel": float(np.mean(metrics.flap_travel)),
+        }
+    return result
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Score and write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path, help="the documentation's folder")
+    parser.add_argument("--realisations", type=int, default=5, help="default: %(default)s")
+    parser.add_argument("--agents", nargs="+", default=list(AGENT_NAMES), choices=AGENT_NAMES)
+    chosen = parser.parse_args(arguments)
+    if "open_loop" not in chosen.agents:
+        parser.error("--agents: open_loop must be among them, the others are compared with it")
+    turbines = [entry for entry in ENVIRONMENTS if entry.single.endswith(":FlapEnv")]
+    found = {}
+    for entry in tqdm(turbines, file=sys.stderr):
+        # A gust comes the same every time: only the azimuth differs.
+        seconds = GUST if "gust" in entry.keywords else TURBULENT
+        found[entry.id] = {
+            "seconds": seconds,
+            "realisations": chosen.realisations,
+            "agents": scores(entry, chosen.agents, chosen.realisations, seconds),
+        }
+    path = chosen.folder / "environments" / "scores.json"
+    write_atomically(path, (json.dumps(found, indent=1) + "\n").encode())
+
+
+if __name__ == "__main__":
+    main()

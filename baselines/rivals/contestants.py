@@ -22,6 +22,7 @@ SHIPPED = {
     "individual_flap": "collective, tilt and yaw PID",
     "lqg": "LQG, flap just meets its stop",
     "lqg_saturating": "LQG, stops cut it",
+    "lqg_multiblade_saturating": "LQG of the whole turbine, stops cut it",
 }
 
 
@@ -49,7 +50,7 @@ def rivals(model: TurbineModel) -> list[Rival]:
                 f"agent {name}: not tuned on the model {model.name}; run python -m baselines.tune"
             )
         found.append(Rival(agent, label))
-        if isinstance(agent, RotorController):
+        if isinstance(agent, RotorController) and name == "individual_flap":
             found.append(Rival(tilt_and_yaw_alone(agent), "tilt and yaw PID alone"))
     # What differs from the saturating LQG is what MPC knows, not what it weighs.
     weights = shipped_weights("lqg_saturating")

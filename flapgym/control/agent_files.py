@@ -28,7 +28,17 @@ from flapgym.control.rotor_controller import RotorController
 from flapgym.state_space import Array, StateSpace
 
 FORMAT_VERSION = 1
-AGENT_NAMES = ("open_loop", "pd", "pid", "individual_flap", "lqg", "lqg_saturating", "ppo", "sac")
+AGENT_NAMES = (
+    "open_loop",
+    "pd",
+    "pid",
+    "individual_flap",
+    "lqg",
+    "lqg_saturating",
+    "lqg_multiblade_saturating",
+    "ppo",
+    "sac",
+)
 """The agents of the comparison, in the order of its table."""
 
 

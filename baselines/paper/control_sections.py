@@ -88,7 +88,7 @@ def gust_alleviation(
                     "ours [%]",
                     "paper [%]",
                     "difference [points]",
-                    f"ours on {PAPER_REALISATIONS} realisations, the paper's number [%]",
+                    f"ours on {min(PAPER_REALISATIONS, realisations)} realisations (paper: {PAPER_REALISATIONS}) [%]",
                     "difference [points]",
                 ),
                 errors,

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.stats import bootstrap
 
 from baselines.paper.cache import Cache, fingerprint
-from baselines.paper.late import LatePolicy
 from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, Policy
@@ -111,8 +110,6 @@ def mark(agent: Agent) -> str:
         return fingerprint(agent.system.A, agent.system.B, agent.system.C, agent.system.D, agent.start)
     if isinstance(agent, Policy):
         return fingerprint(agent.offset, agent.scale, *agent.weights, *agent.biases)
-    if isinstance(agent, LatePolicy):
-        return f"{mark(agent.policy)} {agent.steps} late"
     return agent.name
 
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from baselines.paper.cache import Cache
 from baselines.paper.document import Section, Table
-from baselines.paper.late import late
 from baselines.paper.models import VARIATIONS, built
 from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES, growth
 from baselines.paper.scores import Trial, measured, metrics_of
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, BladeController, OpenLoop, closed_loop
 from flapgym.control.closed_loop import with_effectiveness
+from flapgym.control.margins import late_measurement
 from flapgym.evaluation import Estimate, Metrics, measure, paired_change
 from flapgym.turbine import Case
 
@@ -39,14 +39,11 @@ class Condition:
     model : TurbineModel
     settings : mapping
         Keywords of the environment.
-    delay : int
-        Steps by which the moments are late.
     """
 
     label: str
     model: TurbineModel
     settings: Mapping[str, Any] = field(default_factory=dict)
-    delay: int = 0
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,9 @@ def conditions(
     for noise in NOISES:
         yield Condition(f"noise {100 * noise:g} %", model, {"measurement_noise": noise * model.rbm_rms})
     for delay in DELAYS[1:]:
-        yield Condition(f"delay {delay} step{'s' * (delay > 1)}", model, delay=delay)
+        yield Condition(
+            f"delay {delay} step{'s' * (delay > 1)}", model, {"sensor_delay": delay * model.time_step}
+        )
 
 
 def outcome(
@@ -88,7 +87,6 @@ def outcome(
 ) -> Outcome:
     """What an agent does under a condition; open loop meets the same wind on the same turbine."""
     model = condition.model
-    agent = late(agent, condition.delay, model.rotor_speed)
     # Flaps at rest feel neither noise nor what they could do, but the wind.
     wind = {name: value for name, value in condition.settings.items() if name == "length_scale"}
 
@@ -104,7 +102,10 @@ def outcome(
         return metrics_of(found)
 
     ours, reference = taken(agent, condition.settings), taken(OpenLoop(), wind)
-    grows = growth(closed_loop(model, agent.system)) if isinstance(agent, BladeController) else None
+    grows = None
+    if isinstance(agent, BladeController):
+        delay = round(condition.settings.get("sensor_delay", 0.0) / model.time_step)
+        grows = growth(closed_loop(model, late_measurement(agent.system, delay, model.rotor_speed)))
     return Outcome(
         paired_change(ours.rbm_rms, reference.rbm_rms),
         paired_change(ours.rbm_del, reference.rbm_del),

@@ -1,4 +1,4 @@
-"""Side effects, late measurements and other turbines in the study: exact where they can be, and kept once made."""
+"""Side effects and other turbines in the study: exact where they can be, and kept once made."""
 
 from dataclasses import replace
 
@@ -8,12 +8,11 @@ import pytest
 from baselines.paper import models
 from baselines.paper.cache import Cache
 from baselines.paper.effects import Effects, effects_section, further_loads, measure_effects, respond
-from baselines.paper.late import LatePolicy, late
 from baselines.paper.models import VARIATIONS, built, unscaled_flap
-from baselines.paper.scores import Trial, mark
+from baselines.paper.scores import Trial
 from baselines.paper.trials import Condition, Outcome, outcome, trials_section
 from flapgym.aeroelastic.study import STUDY_OUTPUTS
-from flapgym.control import BladeController, Policy, Weights, lqg_agent
+from flapgym.control import Weights, lqg_agent
 from flapgym.evaluation import Estimate, Record, root_mean_square, simulate
 from flapgym.turbine import load_case
 from tests.synthetic import synthetic_model
@@ -67,38 +66,6 @@ def test_duty_of_a_sinusoidal_flap_known_by_hand():
     assert found.inertial_power[0] == pytest.approx(amplitude**2 * omega**3 / np.pi, rel=1e-3)
 
 
-def _echo() -> Policy:
-    """Acts with the moment it reads [MN m]."""
-    return Policy(
-        "echo", ("rbm",), 2, True, np.zeros(1), np.ones(1), (np.eye(1),), (np.zeros(1),), "tanh", "clip"
-    )
-
-
-def test_a_late_policy_reads_old_moments_and_keeps_its_pace():
-    agent = late(_echo(), 3, MODEL.rotor_speed)
-    assert isinstance(agent, LatePolicy)
-    state, acted = None, []
-    for n in range(10):
-        action, state = agent.predict(0.01 * (n + np.array([[1.0, 2.0, 3.0]])), state, np.array([n == 0]))
-        acted.append(action[0, 0])
-    np.testing.assert_allclose(acted, 0.01 * np.array([1, 1, 1, 1, 2, 2, 4, 4, 6, 6]), rtol=1e-6)
-
-
-def test_a_late_controller_is_the_punctual_one_with_the_moments_held_back():
-    agent = lqg_agent("lqg", MODEL, Weights(3.0))
-    delayed = late(agent, 2, MODEL.rotor_speed)
-    assert isinstance(delayed, BladeController)
-    rng, state, expected_state = np.random.default_rng(2), None, None
-    seen = rng.standard_normal((12, 9)) * np.repeat([0.3, 0.01, 0.1], 3)
-    for n in range(12):
-        held_back = np.concatenate([seen[max(n - 2, 0), :3], seen[n, 3:]])
-        if n == 0:
-            held_back = seen[0]
-        action, state = delayed.predict(seen[n], state)
-        expected, expected_state = agent.predict(held_back, expected_state)
-        np.testing.assert_allclose(action, expected, atol=1e-6)
-
-
 def test_variations_change_one_thing_each():
     case = load_case()
     hashes = {
@@ -132,7 +99,7 @@ def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
         for condition in (
             Condition("as designed", MODEL),
             Condition("noise", MODEL, {"measurement_noise": 0.5 * MODEL.rbm_rms}),
-            Condition("late", MODEL, delay=40),
+            Condition("late", MODEL, {"sensor_delay": 40 * MODEL.time_step}),
         )
     }
     designed, noise, delayed = (row["lqg"] for row in found.values())
@@ -151,10 +118,6 @@ def test_an_unstable_loop_is_marked():
     )
     assert section.content[1].rows[0][1] == "-10.0 / -10.0*"
     assert section.content[3].rows == (("heavy", "pd", "3.85", "47"),)
-
-
-def test_marks_tell_late_agents_from_punctual_ones():
-    assert len({mark(late(_echo(), steps, 1.2)) for steps in range(3)}) == 3
 
 
 def test_effects_are_told_against_open_loop_and_the_base_case():

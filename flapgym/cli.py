@@ -13,6 +13,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -23,6 +24,7 @@ from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic import TurbineModel, load_model, save_model
 from flapgym.aeroelastic.build import STAGES, build_model
+from flapgym.aeroelastic.flutter import find_flutter
 from flapgym.control import AGENT_NAMES
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
 from flapgym.state_space import StateSpace
@@ -185,18 +187,25 @@ def _build(options: argparse.Namespace) -> Work:
     _check_writable(options.output)
 
     def work() -> int:
-        with tqdm(total=len(STAGES), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
+        if case.blades.unequal:
+            names = ", ".join(f"blades.{name}" for name in case.blades.unequal)
+            print(f"{names}: blades differ, the model takes its periodic form", file=sys.stderr)
+        stages = (*STAGES, "flutter")
+        with tqdm(total=len(stages), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
 
             def begin(stage: str) -> None:
-                bar.update(STAGES.index(stage) - bar.n)
+                bar.update(stages.index(stage) - bar.n)
                 bar.set_description_str(stage)
 
             try:
                 model = build_model(case, progress=begin)
             except ValueError as error:  # of this case comes no model
                 return _complain("build", error, 2)
+            begin("flutter")
+            record = replace(model.record, flutter=find_flutter(case.of_mean_blade()))
+            model = replace(model, record=record)
             save_model(model, options.output)
-            bar.update(len(STAGES) - bar.n)
+            bar.update(len(stages) - bar.n)
         print(f"wrote {options.output}\n{describe(model)}")
         return 0
 
@@ -269,8 +278,8 @@ def _check_writable(target: Path, option: str = "--output") -> None:
 
 
 def describe(model: TurbineModel) -> str:
-    """What a model holds, as text: operating point, size, steady gains and lightly damped modes."""
-    turbine, blade, degree = model.turbine, model.blade, np.pi / 180.0
+    """What a model holds, as text: operating point, size, steady gains, lightly damped modes, and how it was made."""
+    turbine, blade, record, degree = model.turbine, model.blade, model.record, np.pi / 180.0
     gain = dict(zip(turbine.inputs, turbine.dc_gain()[turbine.outputs.index("rbm_0")], strict=True))
     limits = (model.flap_angle_limit, model.flap_rate_limit, model.acceleration_limit)
     angle, rate, acceleration = (value / degree for value in limits)
@@ -286,8 +295,12 @@ def describe(model: TurbineModel) -> str:
         f"root moment      {gain['wind'] / 1e6:.3f} MN m per m/s of wind, "
         f"{gain['flap_angle_0'] * degree / 1e6:.4f} MN m per deg of flap (steady, blades alike)",
         f"                 rms {model.rbm_rms / 1e6:.3f} MN m in that turbulence, flaps still",
+        f"flutter          {record.flutter.describe() if record.flutter else 'not looked for'}",
         "lightly damped modes of the turbine in the fixed frame, below 5 Hz:",
         *(f"  {frequency:6.3f} Hz  {damping:6.2%}" for frequency, damping in lightly_damped(turbine)),
+        f"built by         {', '.join(f'{name} {version}' for name, version in sorted(record.tools.items()))}",
+        *(f"error            {name}: {value:.1e}" for name, value in sorted(record.errors.items())),
+        *(f"reading          {reading}" for reading in record.readings),
     ]
     return "\n".join(lines)
 

@@ -60,12 +60,24 @@ def test_build_writes_the_model_of_a_case_file(run, tmp_path):
     code, out, err = run("build", "small.toml", "--output", "small.safetensors")
     assert code == 0
     assert "wrote small.safetensors" in out
-    assert f"{len(STAGES)}/{len(STAGES)}" in err  # the progress bar reached its end
+    stages = len(STAGES) + 1  # and the search for flutter
+    assert f"{stages}/{stages}" in err  # the progress bar reached its end
     model = load_model("small.safetensors")
     assert model.name == "small"
     assert model.time_step == 0.03
     assert model.inputs_hash == load_case("small.toml").hash()
     assert sorted(os.listdir()) == ["small.safetensors", "small.toml"]
+    assert model.record.flutter.describe() in out
+
+
+def test_unequal_blades_build_their_periodic_form_and_say_so(run, tmp_path):
+    (tmp_path / "heavy.toml").write_text(SMALL_CASE + "[blades]\nmass_factor = [1.0, 1.0, 1.02]\n")
+    code, out, err = run("build", "heavy.toml", "--output", "heavy.safetensors")
+    assert code == 0
+    assert "blades.mass_factor: blades differ, the model takes its periodic form" in err
+    assert "periodic, since blades differ (mass_factor 1, 1, 1.02)" in out
+    assert run("info", "heavy.safetensors")[1] in out
+    assert refused(run("aero", "heavy.toml"), "blades.mass_factor: expected equal blades here")
 
 
 def test_info_says_what_the_shipped_model_holds(run):

@@ -140,10 +140,7 @@ def reduce_stacked(
     # The impulse response lasts somewhat longer than the wake: four times that leaves nothing to fold back.
     frequencies = max(2048, 2 ** int(np.ceil(np.log2(4 * aero.wake_rows))))
     z = np.exp(2j * np.pi * np.arange(frequencies) / frequencies)
-    load = np.vstack([lattice.load for lattice in lattices])
-    response = np.concatenate(
-        [lattice_response(aero, replace(lattice, load=load), component, z) for lattice in lattices], axis=2
-    )
+    response = _stacked_response(aero, lattices, component, z)
     downwash = np.hstack([lattice.downwash for lattice in lattices])
     input_scale = 1.0 / np.sqrt((downwash**2).mean(axis=0))
     at = round(_SCALING_FREQUENCY * aero.time_step * frequencies)
@@ -156,4 +153,30 @@ def reduce_stacked(
         real=component == 0,
         tolerance=tolerance,
         block_rows=max(500, int(1.2 * aero.wake_rows)),
+    )
+
+
+def reduction_error(
+    aero: Aerodynamics, lattices: Sequence[BladeLattice], component: int, reduced: ReducedSystem
+) -> float:
+    """Largest error of the reduced lattice's response below 2 Hz, over the size of the response at that frequency.
+
+    Responses as matrices (Frobenius norm), each input and output scaled to unit size at 0.2 Hz.
+    """
+    frequency = np.append(_SCALING_FREQUENCY, np.geomspace(0.02, 2.0, 12))
+    z = np.exp(2j * np.pi * frequency * aero.time_step)
+    exact = _stacked_response(aero, lattices, component, z)
+    size = np.abs(exact[0])
+    inputs = size.max(axis=0)
+    size = np.maximum((size / inputs).max(axis=1)[:, None] * inputs, np.finfo(float).tiny)
+    error, whole = (reduced.transfer_function(z) - exact) / size, exact / size
+    return float((np.linalg.norm(error, axis=(1, 2)) / np.linalg.norm(whole, axis=(1, 2))).max())
+
+
+def _stacked_response(
+    aero: Aerodynamics, lattices: Sequence[BladeLattice], component: int, z: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    load = np.vstack([lattice.load for lattice in lattices])
+    return np.concatenate(
+        [lattice_response(aero, replace(lattice, load=load), component, z) for lattice in lattices], axis=2
     )

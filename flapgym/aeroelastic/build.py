@@ -6,16 +6,24 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import scipy
 import scipy.linalg
 
+from flapgym import __version__
 from flapgym.aerodynamics import Aerodynamics
-from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component, reduce_stacked
+from flapgym.aeroelastic.blade_lattice import (
+    blade_lattice,
+    reduce_component,
+    reduce_stacked,
+    reduction_error,
+)
 from flapgym.aeroelastic.compact import compact_model
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equations
-from flapgym.aeroelastic.harmonics import fourier_series
+from flapgym.aeroelastic.harmonics import TOLERANCE, fourier_series
 from flapgym.aeroelastic.model import TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
 from flapgym.aeroelastic.periodic import step_matrices
+from flapgym.aeroelastic.record import READINGS, Record
 from flapgym.aeroelastic.trim import deflected_lattice, trim
 from flapgym.aeroelastic.uneven import UnevenParts, assemble_uneven, multiblade_equations, uneven_equations
 from flapgym.reduction import ReducedSystem, normal_modes, output_rms
@@ -70,6 +78,10 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     keep = case.reduction.aerodynamic_states, case.reduction.aerodynamic_tolerance
     collective, whirl = (reduce_stacked(rotor_aero, lattices, m, *keep) for m in (0, 1))
     alone = reduce_component(blade_aero, parts.lattice, 0, *keep)
+    errors = {
+        f"lattice reduced, {name}": reduction_error(rotor_aero, lattices, m, part)
+        for m, (name, part) in enumerate((("collective", collective), ("whirl", whirl)))
+    }
     tell(STAGES[3])
     dt, periodic = case.discretisation.time_step, None
     rotor = multiblade_aerodynamics(collective, whirl, case.rotor_speed, dt)
@@ -80,6 +92,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         turbine = delayed(carried_on(turbine, case.rotor_speed * dt)) if late else turbine
     else:
         turbine, periodic = fourier_series(azimuth_steps(uneven, rotor, dt, late))
+        errors["harmonics left out"] = TOLERANCE
     single = delayed(single) if late else single
     for name, system in (("turbine", turbine), ("blade", single)):
         radius = system.spectral_radius()
@@ -104,9 +117,15 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         inputs_hash=case.hash(),
         case=case.to_dict(),
         periodic=periodic,
+        record=Record(tools=tools(), readings=READINGS, errors=errors),
     )
     tolerance = case.reduction.coupled_tolerance
     return compact_model(model, tolerance) if tolerance else model
+
+
+def tools() -> dict[str, str]:
+    """Versions of what builds models."""
+    return {"flapgym": __version__, "numpy": np.__version__, "scipy": scipy.__version__}
 
 
 def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:

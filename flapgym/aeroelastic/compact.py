@@ -12,7 +12,7 @@ import scipy.linalg
 
 from flapgym.aeroelastic.model import TURBINE_INPUTS, TurbineModel
 from flapgym.reduction import balance, relative_error
-from flapgym.state_space import StateSpace
+from flapgym.state_space import Array, StateSpace
 from flapgym.turbulence import von_karman_filter
 
 # The flaps as a controller moves them: half their travel in rms, up to about the first flapwise frequencies.
@@ -45,16 +45,21 @@ def compact_model(model: TurbineModel, tolerance: float) -> TurbineModel:
         raise ValueError(f"compact_model.tolerance: expected 0 < tolerance < 1, got {tolerance}")
     weight = activity(model)
     balanced = balance(model.turbine, weight)
+
+    def error(reduced: StateSpace) -> Array:
+        return relative_error(model.turbine, reduced, weight)
+
     # The error falls with the order but not strictly, so bisection finds a small order, near the least.
     low, high, best = 0, model.turbine.order, model.turbine
     while high - low > 1:
         middle = (low + high) // 2
         reduced = balanced.truncated(middle)
-        if relative_error(model.turbine, reduced, weight).max() <= tolerance:
+        if error(reduced).max() <= tolerance:
             high, best = middle, reduced
         else:
             low = middle
-    return replace(model, turbine=best)
+    errors = {**model.record.errors, "turbine reduced as a whole": float(error(best).max())}
+    return replace(model, turbine=best, record=replace(model.record, errors=errors))
 
 
 def activity(model: TurbineModel) -> StateSpace:

@@ -100,7 +100,7 @@ def summed_load(
     ``own`` are the blade's matrices, T, ``rate`` and ``acceleration`` those of ``turbine_structure``.
     """
     three = np.eye(3)
-    rows = np.kron(three, row)
+    rows = np.asarray(np.kron(three, row))
     mass, damping, stiffness = (np.kron(three, matrix) for matrix in own)
     return Output(
         acceleration=-rows @ mass @ T,

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -20,10 +20,11 @@ import safetensors
 import safetensors.numpy
 
 from flapgym.aeroelastic.harmonics import PeriodicPart, system_at
+from flapgym.aeroelastic.record import Flutter, Record
 from flapgym.atomic import write_atomically
 from flapgym.state_space import Array, StateSpace
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 _SYSTEMS = ("turbine", "blade")
 _MATRICES = ("A", "B", "C", "D")
 _REAL, _COMPLEX = ("left", "right"), ("core", "forcing")  # of the periodic part
@@ -97,6 +98,8 @@ class TurbineModel:
     periodic : PeriodicPart, optional
         With unequal blades, what the azimuth adds to ``turbine``, which is then the mean over the revolution:
         ``flapgym.aeroelastic.harmonics`` evaluates and simulates it. None for equal blades, whose form is constant.
+    record : Record
+        How the model was made: tools, readings, errors of the conversions, flutter.
     format_version : int
         Version of the file format.
     """
@@ -116,6 +119,7 @@ class TurbineModel:
     inputs_hash: str
     case: Mapping[str, Any]
     periodic: PeriodicPart | None = None
+    record: Record = field(default_factory=Record)
     format_version: int = FORMAT_VERSION
 
     @cached_property
@@ -171,9 +175,17 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     """Write the model file atomically: readers see the old file or the new one, never half of one."""
     tensors = _tensors(model)
     header = {
-        field.name: dict(model.case) if field.name == "case" else getattr(model, field.name)
-        for field in fields(model)
-        if field.name not in (*_SYSTEMS, "periodic")
+        f.name: getattr(model, f.name)
+        for f in fields(model)
+        if f.name not in (*_SYSTEMS, "case", "periodic", "record")
+    }
+    record = model.record
+    header["case"] = dict(model.case)
+    header["record"] = {
+        "tools": dict(record.tools),
+        "readings": record.readings,
+        "errors": dict(record.errors),
+        "flutter": record.flutter and asdict(record.flutter),
     }
     for system in _SYSTEMS:
         part = getattr(model, system)
@@ -216,6 +228,7 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
         raise ValueError(f"model {path}: damaged, its content does not match its checksum; build it again")
     try:
         names = {system: header.pop(system) for system in _SYSTEMS}
+        record = _record(header.pop("record"))
         systems = {
             system: StateSpace(
                 **{matrix: tensors[f"{system}.{matrix}"] for matrix in _MATRICES},
@@ -226,7 +239,11 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
             for system in _SYSTEMS
         }
         return TurbineModel(
-            turbine=systems["turbine"], blade=systems["blade"], periodic=_periodic(tensors), **header
+            turbine=systems["turbine"],
+            blade=systems["blade"],
+            periodic=_periodic(tensors),
+            record=record,
+            **header,
         )
     except (KeyError, TypeError) as error:
         raise ValueError(f"model {path}: incomplete ({error}); build it again") from None
@@ -256,6 +273,16 @@ def _tensors(model: TurbineModel) -> dict[str, Array]:
             value = getattr(model.periodic, name)
             tensors[f"periodic.{name}"] = np.stack([value.real, value.imag])
     return tensors
+
+
+def _record(content: Mapping[str, Any]) -> Record:
+    flutter = content["flutter"]
+    return Record(
+        tools=content["tools"],
+        readings=tuple(content["readings"]),
+        errors=content["errors"],
+        flutter=None if flutter is None else Flutter(**flutter),
+    )
 
 
 def _periodic(tensors: Mapping[str, Array]) -> PeriodicPart | None:

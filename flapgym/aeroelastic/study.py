@@ -44,11 +44,9 @@ def study_turbine(case: Case) -> StateSpace:
         raise ValueError("reduction.coupled_tolerance: expected 0 %, further outputs are not reduced")
     parts, rotor = assemble_parts(case)
     grid, keep = case.discretisation, case.reduction
-    components = [
-        reduce_component(rotor, parts.lattice, m, keep.aerodynamic_states, keep.aerodynamic_tolerance)
-        for m in (0, 1)
-    ]
-    lattice = multiblade_aerodynamics(*components, case.rotor_speed, grid.time_step)
+    order, tolerance = keep.aerodynamic_states, keep.aerodynamic_tolerance
+    collective, whirl = (reduce_component(rotor, parts.lattice, m, order, tolerance) for m in (0, 1))
+    lattice = multiblade_aerodynamics(collective, whirl, case.rotor_speed, grid.time_step)
     turbine = couple(study_equations(parts), lattice, grid.time_step)
     return delayed(carried_on(turbine, case.rotor_speed * grid.time_step)) if grid.input_delay else turbine
 

@@ -1,0 +1,69 @@
+"""What a model file says of its own making: the readings behind it, the tools, its errors, its flutter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+MARGIN = 1.3
+"""Flutter below this many times the operating speed is worth a warning."""
+
+READINGS = (
+    "shaft bends with EI 1e13 N m^2, generator locked, nacelle's yaw inertia also about its roll axis",
+    "structural damping is modal: the turbine's ratio for every mode of a blade, another for tower and shaft",
+    "beam axis and flap hinge line on the lattice as flapgym.aerodynamics places them: axis at the quarter chords",
+    "mean wind and gust along the tilted shaft; the wake moves with the mean wind less the case's induction",
+    "forces are those of the perturbed circulation in the mean flow; no profile drag, no dynamic stall",
+    "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",
+    "gravity left out; perturbations about the trim under the mean air and centrifugal load",
+)
+"""Where the paper is silent or short: what was read into it, in a line each."""
+
+
+@dataclass(frozen=True)
+class Flutter:
+    """Result of a search for flutter, speeds over the operating rotor speed.
+
+    Attributes
+    ----------
+    searched : float
+        Speed up to which the blade was looked at; less than asked where it finds no equilibrium beyond.
+    speed, frequency : float or None
+        Lowest speed found at which the spectral radius passes one, and the frequency at which the blade then
+        oscillates, seen from the rotor [Hz]; None if there is none.
+    """
+
+    searched: float
+    speed: float | None = None
+    frequency: float | None = None
+
+    def describe(self) -> str:
+        """In one line, with a warning where it is near."""
+        if self.speed is None:
+            return f"none of the unloaded, clamped blade up to {self.searched:.2f} times the rotor speed"
+        where = f"at {self.speed:.2f} times the rotor speed, {self.frequency:.2f} Hz"
+        warning = f"; WARNING: less than {MARGIN:g} times it" if self.speed < MARGIN else ""
+        return f"of the unloaded, clamped blade {where}{warning}"
+
+
+@dataclass(frozen=True)
+class Record:
+    """How a model was made.
+
+    Attributes
+    ----------
+    tools : mapping
+        Versions of flapgym, numpy and scipy that built it, for information.
+    readings : tuple of str
+        Where the paper is silent, what was read into it.
+    errors : mapping
+        Error of each conversion on the way, by name, relative to what it converts.
+    flutter : Flutter, optional
+        Of the rotating blade; None if it was not looked for.
+    """
+
+    tools: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    readings: tuple[str, ...] = ()
+    errors: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    flutter: Flutter | None = None

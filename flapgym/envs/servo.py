@@ -2,39 +2,68 @@
 
 An acceleration is held for the time T of an action. With at most a, the flap can be stopped from a rate of n a T in n
 actions over the distance n^2 a T^2 / 2; between these points the distance is taken linear, which makes the braking that
-follows exactly a an action (so the law knows its own future) and ends at the target exactly.
+follows exactly a an action (so the law knows its own future) and ends at the target exactly. Where the acceleration
+lags behind its command, a linear law with three equal real poles takes its place.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from flapgym.state_space import Array
 
+BANDWIDTH = 10.0
+"""Poles of the law for a lagging actuator [rad/s], or the lag's own if that is slower: a way across both stops then
+stays within 600 deg/s^2 and 100 deg/s."""
+
 
 @dataclass(frozen=True)
 class Servo:
-    """Law from angle, rate and target to acceleration.
+    """Law from angle, rate and target to commanded acceleration.
 
     Attributes
     ----------
     acceleration_limit, rate_limit : float
         [rad/s^2, rad/s].
     period : float
-        Time T for which an acceleration is held [s].
+        Time T for which a command is held [s].
+    lag : float
+        Time constant of the acceleration behind its command [s]; 0 for none.
     """
 
     acceleration_limit: float
     rate_limit: float
     period: float
+    lag: float = 0.0
 
-    def __call__(self, angle: Array, rate: Array, target: Array) -> Array:
-        """Acceleration [rad/s^2] for the next action; angles [rad] and rate [rad/s] of any one shape.
+    def __call__(self, angle: Array, rate: Array, lagged: Array, target: Array) -> Array:
+        """Command [rad/s^2] for the next action.
 
-        It is the one after which the rate v' leaves just enough distance to stop at the target: e = T (v + v') / 2 +
-        d(v'), with e the distance now and d that of stopping. Rate and acceleration are kept within their limits.
+        Parameters
+        ----------
+        angle, rate, target : float arrays of one shape
+            [rad, rad/s, rad].
+        lagged : float array
+            Acceleration that acts now [rad/s^2]; without a lag of no importance.
+        """
+        if self.lag > 0.0:
+            state = np.stack([angle - target, rate, lagged], axis=-1)
+            return np.clip(-state @ self._gain, -self.acceleration_limit, self.acceleration_limit)
+        return self._fastest(angle, rate, target)
+
+    def carried(self, lagged: Array, command: Array) -> Array:
+        """Acceleration that acts at the end of an action."""
+        decay = np.exp(-self.period / self.lag) if self.lag > 0.0 else 0.0
+        return command + (lagged - command) * decay
+
+    def _fastest(self, angle: Array, rate: Array, target: Array) -> Array:
+        """Acceleration after which the rate v' leaves just enough distance to stop at the target.
+
+        That is e = T (v + v') / 2 + d(v'), with e the distance now and d that of stopping. Rate and acceleration are
+        kept within their limits.
         """
         step = self.acceleration_limit * self.period
         left = target - angle - 0.5 * self.period * rate
@@ -44,3 +73,15 @@ class Servo:
         reached = np.sign(left) * step * (whole + (scaled - whole * (whole + 1.0)) / (2.0 * (whole + 1.0)))
         reached = np.clip(reached, -self.rate_limit, self.rate_limit)
         return np.clip((reached - rate) / self.period, -self.acceleration_limit, self.acceleration_limit)
+
+    @cached_property
+    def _gain(self) -> Array:
+        """Feedback (3,) of angle, rate and lagged acceleration, by Ackermann's formula."""
+        T, lag = self.period, self.lag
+        decay = np.exp(-T / lag)
+        late = lag * (1.0 - decay)
+        A = np.array([[1.0, T, lag * T - lag * late], [0.0, 1.0, late], [0.0, 0.0, decay]])
+        B = np.array([0.5 * T**2 - lag * T + lag * late, T - late, 1.0 - decay])
+        shifted = A - np.exp(-min(BANDWIDTH, 1.0 / lag) * T) * np.eye(3)
+        reach = np.stack([B, A @ B, A @ A @ B], axis=1)
+        return np.asarray(np.linalg.solve(reach.T, [0.0, 0.0, 1.0]) @ shifted @ shifted @ shifted)

@@ -37,28 +37,37 @@ class VectorTargetAngle(VectorWrapper[Observation, Any, Observation, Any, Any]):
         super().__init__(env)
         self._servo = servo_of(env.unwrapped)
         self._limit = flap_model(env.unwrapped).flap_angle_limit
-        self._angle, self._rate = np.zeros((2, *(env.action_space.shape or ())))
+        self._flaps = np.zeros((3, *(env.action_space.shape or ())))
+        """Angle, rate, and the acceleration that acts."""
+        self._mode = AutoresetMode(env.metadata["autoreset_mode"])
+        self._ended = np.zeros(env.num_envs, dtype=bool)
 
     def reset(
         self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin episodes."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._keep(info)
+        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool))
+        self._keep(info, mask)
+        self._ended &= ~mask
         return observation, info
 
     def step(self, actions: ArrayLike) -> Step:
         """Move the flaps toward the target angles for the time of one action."""
         target = self._limit * np.clip(checked_action(actions, self.action_space.shape or ()), -1.0, 1.0)
-        acceleration = self._servo(self._angle, self._rate, target) / self._servo.acceleration_limit
-        step = self.env.step(acceleration)
-        self._keep(step[4])
+        angle, rate, acting = self._flaps
+        command = self._servo(angle, rate, acting, target)
+        self._flaps[2] = self._servo.carried(acting, command)
+        step = self.env.step(command / self._servo.acceleration_limit)
+        before, self._ended = self._ended, step[2] | step[3]
+        self._keep(step[4], before if self._mode is AutoresetMode.NEXT_STEP else self._ended)
         return step
 
-    def _keep(self, info: dict[str, Any]) -> None:
-        """Flap motion of the environments that tell theirs: a reset may concern some of them only."""
+    def _keep(self, info: dict[str, Any], begun: NDArray[np.bool_]) -> None:
+        """Flap motion of the environments that tell theirs; where an episode has begun nothing acts yet."""
         told = info["_flap_angle"]
-        self._angle[told], self._rate[told] = info["flap_angle"][told], info["flap_rate"][told]
+        self._flaps[:2, told] = info["flap_angle"][told], info["flap_rate"][told]
+        self._flaps[2, begun] = 0.0
 
 
 class VectorResidual(VectorWrapper[Observation, Any, Observation, Any, Any]):

@@ -32,7 +32,7 @@ class TargetAngle(
     """The action is the flaps' target angles, -1 to 1 of the angle stop, instead of their accelerations.
 
     An inner loop (`flapgym.envs.servo`) finds the acceleration from the true angle and rate: as fast as acceleration
-    and rate limits allow, without overshoot. An actuator that lags behind its command is not allowed for.
+    and rate limits allow, without overshoot; slower where the actuator lags behind its command.
 
     Parameters
     ----------
@@ -45,33 +45,38 @@ class TargetAngle(
         gymnasium.Wrapper.__init__(self, env)
         self._servo = servo_of(env.unwrapped)
         self._limit = flap_model(env.unwrapped).flap_angle_limit
-        self._angle = self._rate = np.zeros(0)
+        self._flaps = np.zeros((3, *(self.action_space.shape or ())))
+        """Angle, rate, and the acceleration that acts."""
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._angle, self._rate = info["flap_angle"], info["flap_rate"]
+        self._flaps = np.stack([info["flap_angle"], info["flap_rate"], np.zeros_like(info["flap_rate"])])
         return observation, info
 
     def step(self, action: ArrayLike) -> Step:
         """Move the flaps toward the target angles for the time of one action."""
         target = self._limit * np.clip(checked_action(action, self.action_space.shape or ()), -1.0, 1.0)
-        acceleration = self._servo(self._angle, self._rate, target) / self._servo.acceleration_limit
-        observation, reward, terminated, truncated, info = self.env.step(acceleration)
-        self._angle, self._rate = info["flap_angle"], info["flap_rate"]
+        angle, rate, acting = self._flaps
+        command = self._servo(angle, rate, acting, target)
+        acting = self._servo.carried(acting, command)
+        observation, reward, terminated, truncated, info = self.env.step(
+            command / self._servo.acceleration_limit
+        )
+        self._flaps = np.stack([info["flap_angle"], info["flap_rate"], acting])
         return observation, float(reward), terminated, truncated, info
 
     def get_state(self) -> dict[str, Any]:
         """State of the environment with the flap motion the inner loop starts from, as plain values for JSON."""
         state: dict[str, Any] = self.env.get_wrapper_attr("get_state")()
-        return state | {"flaps": [self._angle.tolist(), self._rate.tolist()]}
+        return state | {"flaps": self._flaps.tolist()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go on from a state that `get_state` gave."""
         self.env.get_wrapper_attr("set_state")(state)
-        self._angle, self._rate = np.array(state["flaps"])
+        self._flaps = np.array(state["flaps"])
 
 
 class Residual(
@@ -165,7 +170,7 @@ def servo_of(base: Any) -> Servo:
     """The inner loop that fits an unwrapped environment."""
     model = flap_model(base)
     period = base.settings.steps_per_action * model.time_step
-    return Servo(model.acceleration_limit, model.flap_rate_limit, period)
+    return Servo(model.acceleration_limit, model.flap_rate_limit, period, base.settings.actuator_lag)
 
 
 def fitted_agent(agent: str | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]]:

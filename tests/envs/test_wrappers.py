@@ -31,7 +31,7 @@ def _run(angle, rate, target, steps):
     """Motion of a double integrator under the law: angles and rates, one more than steps."""
     motion = [(angle, rate)]
     for _ in range(steps):
-        acceleration = float(SERVO(np.array(angle), np.array(rate), np.array(target)))
+        acceleration = float(SERVO(np.array(angle), np.array(rate), np.array(0.0), np.array(target)))
         assert abs(acceleration) <= SERVO.acceleration_limit * (1.0 + 1e-12)
         reached = rate + acceleration * SERVO.period
         angle, rate = angle + 0.5 * SERVO.period * (rate + reached), reached
@@ -61,6 +61,23 @@ def test_the_inner_loop_reaches_its_target_from_rest_in_least_time_and_without_o
 def test_the_inner_loop_comes_to_rest_at_its_target_from_any_motion(start, rate, target):
     motion = _run(start * DEGREE, rate * DEGREE, target * DEGREE, 30)
     np.testing.assert_allclose(motion[-1], [target * DEGREE, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("lag", [0.02, 0.05, 0.2])
+@pytest.mark.parametrize("steps_per_action", [1, 5, 10])
+def test_target_angles_are_reached_without_overshoot_through_a_lag(steps_per_action, lag):
+    env = TargetAngle(
+        FlapEnv(
+            model=synthetic_model(), steps_per_action=steps_per_action, actuator_lag=lag, record_samples=True
+        )
+    )
+    env.reset(seed=0, options={"flap_angle": -10.0 * DEGREE})
+    target, angles = np.array([0.9, 0.1, -0.6]), []
+    for _ in range(500 // steps_per_action):
+        angles.append(env.step(target)[4]["samples"]["flap_angle"])
+    angle = np.concatenate(angles)
+    assert (angle.max(axis=0) <= target * 10.0 * DEGREE + 1e-3 * DEGREE).all()
+    np.testing.assert_allclose(angle[-1], target * 10.0 * DEGREE, atol=0.01 * DEGREE)
 
 
 @pytest.mark.parametrize("steps_per_action", [1, 5])
@@ -187,7 +204,8 @@ def test_what_does_not_fit_is_refused_with_what_to_write_instead():
 @pytest.mark.parametrize("which", ["target", "residual"])
 def test_vector_wrappers_do_what_the_single_ones_do(mode, which):
     model, count = synthetic_model(), 3
-    native = FlapVectorEnv(count, autoreset_mode=mode, model=model, **FULL)
+    keywords = FULL | {"actuator_lag": 0.05}
+    native = FlapVectorEnv(count, autoreset_mode=mode, model=model, **keywords)
     wraps = {
         "target": (VectorTargetAngle, TargetAngle),
         "residual": (
@@ -195,7 +213,7 @@ def test_vector_wrappers_do_what_the_single_ones_do(mode, which):
             lambda env: Residual(env, "pd", scale=0.3, hold=3),
         ),
     }[which]
-    vector, singles = wraps[0](native), [wraps[1](FlapEnv(model=model, **FULL)) for _ in range(count)]
+    vector, singles = wraps[0](native), [wraps[1](FlapEnv(model=model, **keywords)) for _ in range(count)]
     observation, _ = vector.reset(seed=7)
     firsts = [env.reset(seed=7 + index)[0] for index, env in enumerate(singles)]
     np.testing.assert_allclose(observation, firsts, rtol=1e-6, atol=1e-7)

@@ -123,6 +123,18 @@ def _pointer_to(kind: Any, address: Any) -> tuple[Any, Any]:
     return signature, generate
 
 
+@intrinsic
+def _wide(typingctx):  # type: ignore[no-untyped-def]
+    """Let LLVM use the widest vectors the processor has in the function that calls this; by itself it takes half."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        # A string attribute of LLVM, which llvmlite's own list of attributes does not know.
+        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
 @njit(**OPTIONS)
 def advance_double(handle, actions, observation, rows):  # type: ignore[no-untyped-def]
     """Hold actions for an interval; returns what happened.
@@ -145,6 +157,7 @@ def advance_double(handle, actions, observation, rows):  # type: ignore[no-untyp
     int
         As flapgym.plant.interface.Plant.step.
     """
+    _wide()
     real = carray(_doubles(handle[0]), (handle[1],))
     state = carray(_doubles(handle[2]), (handle[3],))
     pool = carray(_doubles(handle[4]), (handle[5],))
@@ -157,6 +170,7 @@ def advance_double(handle, actions, observation, rows):  # type: ignore[no-untyp
 @njit(**OPTIONS)
 def advance_single(handle, actions, observation, rows):  # type: ignore[no-untyped-def]
     """The same with modes and responses in single precision."""
+    _wide()
     real = carray(_singles(handle[0]), (handle[1],))
     state = carray(_doubles(handle[2]), (handle[3],))
     pool = carray(_singles(handle[4]), (handle[5],))
@@ -168,6 +182,7 @@ def advance_single(handle, actions, observation, rows):  # type: ignore[no-untyp
 
 @njit(**OPTIONS)
 def _advance(actions, real, state, pool, samples, observation, rows):  # type: ignore[no-untyped-def]
+    _wide()
     n, k, modes_count = int(state[COUNT]), int(state[STEPS]), int(state[MODES])
     groups = (modes_count + GROUP - 1) // GROUP
     if actions.size != n * int(state[BLADE_COUNT]):
@@ -183,9 +198,9 @@ def _advance(actions, real, state, pool, samples, observation, rows):  # type: i
         size = groups * ROW_PAIRS
         modes = real[groups * GROUP_SIZE : groups * GROUP_SIZE + n * size]
         scratch = real[groups * GROUP_SIZE + n * size :]
-        inputs = scratch[: (k + 1) * FLAP_INPUTS]
-        outputs = scratch[(k + 1) * FLAP_INPUTS : (k + 1) * FLAP_INPUTS + 8 * k]
-        sums = scratch[(k + 1) * FLAP_INPUTS + 8 * k :]
+        sums = scratch[: 8 * k * GROUP]
+        inputs = scratch[8 * k * GROUP : 8 * k * GROUP + (k + 1) * FLAP_INPUTS]
+        outputs = scratch[8 * k * GROUP + (k + 1) * FLAP_INPUTS :]
         for t in range(n):
             own = state[records + t * OWN : records + (t + 1) * OWN]
             _move(t, 0, 1, actions, state, own, inputs, rows, samples)
@@ -293,14 +308,15 @@ def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type:
 @njit(**OPTIONS)
 def _modes_of_one(k, every, count, constants, modes, inputs, sums, outputs):  # type: ignore[no-untyped-def]
     """Modes of one turbine over the interval: outputs at samples 1 to k, without the feedthrough."""
+    _wide()
     sums[: k * 8 * GROUP] = 0.0
-    for g in range((count + GROUP - 1) // GROUP):
-        c = constants[g * GROUP_SIZE : (g + 1) * GROUP_SIZE]
-        z = modes[g * ROW_PAIRS : (g + 1) * ROW_PAIRS]
-        for j in range(k):
-            u = inputs[j * FLAP_INPUTS : (j + 1) * FLAP_INPUTS]
-            u0, u1, u2, u3, u4, u5 = u[0], u[1], u[2], u[3], u[4], u[5]
-            y = sums[j * 8 * GROUP : (j + 1) * 8 * GROUP]
+    for j in range(k):
+        u = inputs[j * FLAP_INPUTS : (j + 1) * FLAP_INPUTS]
+        u0, u1, u2, u3, u4, u5 = u[0], u[1], u[2], u[3], u[4], u[5]
+        y = sums[j * 8 * GROUP : (j + 1) * 8 * GROUP]
+        for g in range((count + GROUP - 1) // GROUP):
+            c = constants[g * GROUP_SIZE : (g + 1) * GROUP_SIZE]
+            z = modes[g * ROW_PAIRS : (g + 1) * ROW_PAIRS]
             for i in range(GROUP):
                 re, im = z[i], z[i + GROUP]
                 real = (
@@ -347,6 +363,7 @@ def _modes_of_one(k, every, count, constants, modes, inputs, sums, outputs):  # 
 @njit(**OPTIONS)
 def _modes_of_block(lanes, k, every, count, constants, modes, inputs, outputs):  # type: ignore[no-untyped-def]
     """The same for up to LANES turbines side by side, two modes at a time."""
+    _wide()
     outputs[: 8 * k * LANES] = 0.0
     for pair in range(count // 2):
         c = constants[(pair // (GROUP // 2)) * GROUP_SIZE + 2 * (pair % (GROUP // 2)) :]

@@ -109,6 +109,7 @@ class CompiledPlant:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        self._real = aligned(self._real, self.setup.precision)
         self._entries = load_kernel(self.setup.precision)
         self._handle = self._addresses(NO_SAMPLES)
 
@@ -126,7 +127,7 @@ class CompiledPlant:
             layout.COUNT: self.count,
             layout.STEPS: setup.steps_per_action,
             layout.INTERVALS: setup.intervals,
-            layout.MODES: -(-self._kernel.flap.order // layout.VECTOR) * layout.VECTOR,
+            layout.MODES: 2 * -(-self._kernel.flap.order // 2),
             layout.BLADE_COUNT: setup.blades,
             layout.EVERY: setup.every_sample,
             layout.OBSERVED: task.size,
@@ -158,9 +159,10 @@ class CompiledPlant:
         lanes = layout.LANES if self._batch else 1
         k, places = self.setup.steps_per_action, -(-self.count // lanes) * lanes
         room = 2 * self._groups * layout.GROUP * places
-        scratch = ((k + 1) * layout.FLAP_INPUTS + 8 * k) * lanes + 8 * k * layout.GROUP
+        inputs = (k + 1) * layout.FLAP_INPUTS + 8 * k
+        scratch = inputs * lanes + 8 * k * layout.GROUP
         constants = mode_constants(self._kernel, self._groups)
-        return np.concatenate([constants.ravel(), np.zeros(room + scratch)]).astype(self.setup.precision)
+        return aligned(np.concatenate([constants.ravel(), np.zeros(room + scratch)]), self.setup.precision)
 
     @property
     def noise_count(self) -> int:
@@ -257,6 +259,15 @@ class CompiledPlant:
         own[layout.OWN_TRAVEL : layout.OWN_TRAVEL + 3] = state["travel"]
         modes = self._modes(turbine)
         modes[...] = np.reshape(state["modes"], modes.shape)
+
+
+def aligned(numbers: Array, precision: str) -> FloatArray:
+    """A copy that begins at a multiple of ALIGNMENT bytes."""
+    dtype = np.dtype(precision)
+    room = np.empty(numbers.size + layout.ALIGNMENT // dtype.itemsize, dtype=dtype)
+    skipped = (-room.ctypes.data % layout.ALIGNMENT) // dtype.itemsize
+    room[skipped : skipped + numbers.size] = numbers
+    return room[skipped : skipped + numbers.size]
 
 
 def mode_constants(kernel: Kernel, groups: int) -> Array:

@@ -57,11 +57,10 @@ LANES = 128
 """Turbines of a block in a batch: its modes stay in the second-level cache, a pair of them in the first."""
 FEWEST_IN_BATCH = 8
 """Turbines from which they are stepped side by side; fewer are stepped one by one, modes side by side."""
-GROUP = 144
-"""Modes of a group: their constants lie row by row, so that a vector unit takes them together. The shipped model's 137
-make one group; groups of 16, with their loops' beginnings and ends, took three times as long."""
-VECTOR = 16
-"""Modes are filled up with zeros to a multiple of this: no loop has a remainder."""
+GROUP = 16
+"""Modes of a group: their constants lie row by row, so that a vector unit takes them together."""
+ALIGNMENT = 64
+"""Bytes at whose multiples the numbers of the modes begin: vectors across two cache lines cost double."""
 DECAY, DRIVE, READ, READ_LAST = 0, 2, 14, 20
 """Rows of a group: eigenvalue; six inputs to the real, then to the imaginary part; real and imaginary part in turn to
 each moment, then to the other five outputs."""

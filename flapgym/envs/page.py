@@ -7,11 +7,14 @@ writes `docs/environment.md`, which lists them, and one page for each in `docs/e
 
 from __future__ import annotations
 
+import ast
 import inspect
 import json
 import sys
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -22,9 +25,24 @@ from flapgym.envs.registration import ENVIRONMENTS, Registered
 _MADE = "<!-- Made by `python -m flapgym.envs.page docs`; edit the docstrings and flapgym/envs/registration.py. -->"
 
 
-def pages() -> dict[str, str]:
-    """Text of every page by its path under the documentation's folder."""
-    made = {f"environments/{page_name(entry)}": environment_page(entry) for entry in ENVIRONMENTS}
+WRAPPERS = (
+    "flapgym.envs.wrappers.TargetAngle",
+    "flapgym.envs.wrappers.Residual",
+    "flapgym.envs.vector_wrappers.VectorTargetAngle",
+    "flapgym.envs.vector_wrappers.VectorResidual",
+    "flapgym.envs.sb3.FlapVecEnv",
+)
+"""What the index lists beside the environments."""
+
+
+def pages(folder: Path) -> dict[str, str]:
+    """Text of every page by its path under the documentation's folder, which may hold scores."""
+    file = folder / "environments" / "scores.json"
+    scores = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    made = {
+        f"environments/{page_name(entry)}": environment_page(entry, scores.get(entry.id))
+        for entry in ENVIRONMENTS
+    }
     return {"environment.md": index_page()} | made
 
 
@@ -34,11 +52,12 @@ def page_name(entry: Registered) -> str:
 
 
 def index_page() -> str:
-    """The list of all environments."""
-    rows = [
+    """The list of all environments, and what can be put around them."""
+    environments = [
         f"| [`{entry.id}`](environments/{page_name(entry)}) | {entry.summary.split('. ')[0].rstrip('.')} |"
         for entry in ENVIRONMENTS
     ]
+    wrappers = [f"| `{path}` | {_first_line(path)} |" for path in WRAPPERS]
     return "\n".join(
         [
             _MADE,
@@ -46,27 +65,33 @@ def index_page() -> str:
             "# Environments",
             "",
             "`import flapgym` registers these with Gymnasium; `gymnasium.make` gives one turbine, `gymnasium.make_vec`",
-            "many. All take the same keywords, so a variant is only a name for some of them.",
+            "many. Those of the whole turbine take the same keywords, so a variant is only a name for some of them.",
             "",
             "| id | what it is |",
             "|---|---|",
-            *rows,
+            *environments,
             "",
-            "[recipes](recipes) are short programs that train on them from another project.",
+            "Around them fit:",
+            "",
+            "| class | what it does |",
+            "|---|---|",
+            *wrappers,
+            "",
+            "[recipes](recipes) are short programs that train on them and plan with them from another project.",
             "",
         ]
     )
 
 
-def environment_page(entry: Registered) -> str:
-    """The page of one environment: how to make it, its spaces, what differs, and the manual of its class."""
+def environment_page(entry: Registered, scores: Mapping[str, Any] | None) -> str:
+    """The page of one environment: how to make it, its spaces, what differs, scores, and the manual of its class."""
     env = gymnasium.make(entry.id)
     text = [
         _MADE,
         "",
         f"# {entry.id}",
         "",
-        entry.summary,
+        *textwrap.wrap(entry.summary, 120),
         "",
         "```python",
         "import gymnasium",
@@ -84,12 +109,50 @@ def environment_page(entry: Registered) -> str:
         "",
     ]
     env.close()
+    if scores:
+        text += _scored(scores)
     first = next(other for other in ENVIRONMENTS if other.single == entry.single)
     if first is entry:
         text += [inspect.cleandoc(load_env_creator(entry.single).__doc__ or "")]
     else:
         text += [f"Everything else is as in [`{first.id}`]({page_name(first)})."]
     return "\n".join(text) + "\n"
+
+
+def _scored(scores: Mapping[str, Any]) -> list[str]:
+    """What the shipped agents reach, as a table."""
+    agents = scores["agents"]
+    still = agents["open_loop"]
+    rows = [
+        f"| `{name}` | {100.0 * (each['rbm_rms'] / still['rbm_rms'] - 1.0):+.1f} "
+        f"| {100.0 * (each['rbm_del'] / still['rbm_del'] - 1.0):+.1f} | {np.rad2deg(each['flap_travel']):.1f} |"
+        for name, each in agents.items()
+        if name != "open_loop"
+    ]
+    text = (
+        f"With flaps at rest the root moments have an rms of {still['rbm_rms'] * 1e-6:.3f} MN m and a damage "
+        f"equivalent load (DEL) of {still['rbm_del'] * 1e-6:.2f} MN m: means over blades and "
+        f"{scores['realisations']} episodes of {scores['seconds']:g} s. "
+        "The shipped agents, made for the base case and unchanged, change that by:"
+    )
+    return [
+        *textwrap.wrap(text, 120),
+        "",
+        "| agent | RBM rms [%] | RBM DEL [%] | flap travel [deg/s] |",
+        "|---|---|---|---|",
+        *rows,
+        "",
+    ]
+
+
+def _first_line(path: str) -> str:
+    """First sentence of a class's docstring."""
+    module, name = path.rsplit(".", 1)
+    source = (Path(__file__).parents[1] / Path(*module.split(".")[1:])).with_suffix(".py")
+    # Read, not imported: the adapter needs Stable-Baselines3.
+    body = ast.parse(source.read_text(encoding="utf-8")).body
+    (found,) = (node for node in body if isinstance(node, ast.ClassDef) and node.name == name)
+    return " ".join((ast.get_docstring(found) or "").split("\n\n")[0].split()).rstrip(".")
 
 
 def _described(space: gymnasium.Space) -> str:  # type: ignore[type-arg]
@@ -107,7 +170,7 @@ def _keywords(entry: Registered) -> str:
 
 def write(folder: Path) -> None:
     """Write all pages below a folder, and remove those of environments that are gone."""
-    made = pages()
+    made = pages(folder)
     (folder / "environments").mkdir(parents=True, exist_ok=True)
     for old in (folder / "environments").glob("*.md"):
         if f"environments/{old.name}" not in made:

@@ -216,7 +216,7 @@ def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def averaged(infos: list[dict[str, Any]]) -> dict[str, Any]:
     """The reward's terms and the mean square of the moments over several actions, from the info of each."""
-    means = ("rbm_mean_square", "reward_rbm", "reward_flap_angle", "reward_tower")
+    means = {"rbm_mean_square", "reward_rbm", "reward_flap_angle", "reward_tower"} & infos[0].keys()
     return {name: sum(info[name] for info in infos) / len(infos) for name in means}
 
 

@@ -10,7 +10,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 def test_the_committed_pages_are_up_to_date():
-    made = page.pages()
+    made = page.pages(DOCS)
     assert {f"environments/{path.name}" for path in (DOCS / "environments").glob("*.md")} | {
         "environment.md"
     } == set(made)

@@ -82,6 +82,21 @@ def test_a_copy_goes_on_as_the_original(name, copied):
 
 
 @every_id
+@pytest.mark.parametrize("bad", [np.nan, np.inf, "shape", "words"])
+def test_a_bad_action_is_refused_and_leaves_the_state_untouched(name, bad):
+    env, twin = gymnasium.make(name).unwrapped, gymnasium.make(name).unwrapped
+    for one in (env, twin):
+        one.reset(seed=8)
+    fine = env.action_space.sample()
+    wrong = {"shape": np.zeros(7, dtype=np.float32), "words": "full"}.get(bad)
+    wrong = np.full_like(fine, bad) if wrong is None else wrong
+    for _ in range(3):
+        with pytest.raises(ValueError, match="action"):
+            env.step(wrong)
+        assert data_equivalence(env.step(fine), twin.step(fine), exact=True)
+
+
+@every_id
 def test_a_state_survives_json_and_goes_on_bit_for_bit(name):
     env, twin = gymnasium.make(name).unwrapped, gymnasium.make(name).unwrapped
     list(_rollout(env, 4))

@@ -25,7 +25,7 @@ FLAP_BANDWIDTH, FLAP_DAMPING = 4.0 * np.pi, 0.8
 ACCURACY = 2e-4
 """Rms error of the reduced response to such a motion, over that of the response."""
 HOLD = 10
-"""Steps over which the acceleration is held: five lower the rms by 4e-4 of itself, where the stops never bind by 1e-2."""
+"""Steps over which the acceleration is held: five lower the rms by 4e-4, or 1e-2 where no stop is in reach."""
 REACH = 1.0 - 1e-5
 """Share of the angle's stop that a plan uses: the plant would stop a flap that touches it while it still turns."""
 PENALTY = 1e-5

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from flapgym.aeroelastic.build import build_model
-from flapgym.aeroelastic.model import TurbineModel, load_model, save_model
+from flapgym.aeroelastic.model import FORMAT_VERSION, TurbineModel, load_model, save_model
 from flapgym.turbine import Case
 
 BUILD = 1
@@ -47,7 +47,7 @@ VARIATIONS: dict[str, Callable[[Case], Case]] = {
 
 def built(case: Case, folder: Path, tell: Callable[[str], None]) -> TurbineModel:
     """The model of a case, from `folder` if it was built there before."""
-    path = folder / f"model-{BUILD}-{case.hash()[:16]}.safetensors"
+    path = folder / f"model-{BUILD}-{FORMAT_VERSION}-{case.hash()[:16]}.safetensors"
     if not path.is_file():
         save_model(build_model(case, lambda stage: tell(f"build: {stage}")), path)
     return load_model(path)

@@ -12,7 +12,7 @@ MARGIN = 1.3
 READINGS = (
     "shaft bends with EI 1e13 N m^2, generator locked, nacelle's yaw inertia also about its roll axis",
     "structural damping is modal: the turbine's ratio for every mode of a blade, another for tower and shaft",
-    "beam axis and flap hinge line on the lattice as flapgym.aerodynamics places them: axis at the quarter chords",
+    "the blade's beam axis runs through the aerofoils' quarter chords",
     "mean wind and gust along the tilted shaft; the wake moves with the mean wind less the case's induction",
     "forces are those of the perturbed circulation in the mean flow; no profile drag, no dynamic stall",
     "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",

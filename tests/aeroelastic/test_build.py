@@ -214,6 +214,25 @@ def test_other_operating_points_build_stable_models_that_gust_and_flap_load(poin
     assert gain[0, 6] > 0.0
 
 
+def test_wider_and_deeper_flap_loads_the_blade_more_at_any_time_step(small):
+    case = coarse(time_step=0.012)
+    model = build_model(replace(case, flap=replace(case.flap, span_start=0.5, chord_fraction=0.35)))
+    assert model.time_step == 0.012
+    ours, theirs = (m.turbine.dc_gain()[0] for m in (model, small))
+    assert ours[0] > 1.5 * theirs[0]  # flap
+    assert ours[6] == pytest.approx(theirs[6], rel=0.02)  # wind
+
+
+def test_above_rated_wind_with_its_pitch_builds_a_stable_model():
+    point = replace(CASE.operating_point, wind_speed=15.0, tip_speed_ratio=5.32, pitch=0.182)
+    model = build_model(replace(coarse(), operating_point=point))
+    assert model.turbine.spectral_radius() < 1.0
+    assert model.turbine.dc_gain()[0, 6] > 0.0
+    errors = model.record.errors
+    assert set(errors) == {"lattice reduced, collective", "lattice reduced, whirl"}
+    assert max(errors.values()) < 0.2
+
+
 def test_documented_stations_build_nearly_the_same_turbine(small):
     fine = build_model(coarse(blade_elements=48, first_lattice_node=11))
     ours, theirs = (m.turbine.dc_gain()[[0, 3]][:, [0, 6]] for m in (fine, small))

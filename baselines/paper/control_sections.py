@@ -108,8 +108,8 @@ def _verdict(scores: dict[str, Score], base: Score) -> str:
     for name, (low, high, _) in EXPECTED.items():
         if name in scores:
             sides[low <= more(scores[name]) <= high].append(LABELS[name])
-    told = [f"{word}: {', '.join(sides[which])}" for which, word in ((True, "agree"), (False, "disagree"))]
-    return "; ".join([numbers, *(each for each in told if not each.endswith(": "))])
+    told = [f"{word}: {'; '.join(sides[which])}" for which, word in ((True, "agree"), (False, "disagree"))]
+    return ". Of the side studies ".join([numbers, *(each for each in told if not each.endswith(": "))])
 
 
 def more(score: Score) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.aeroelastic.equations import Parts, modal_support_matrices
+from flapgym.aeroelastic.equations import Parts
 from flapgym.state_space import Array, StateSpace
 
 _WAYS = ("collective", "forward", "backward")
@@ -54,7 +54,7 @@ def coupled_modes(
         Motions looked at: modes of one blade, each collective and whirling both ways, and modes of the support.
     """
     m = parts.lattice.modes
-    count = 3 * m + modal_support_matrices(parts)[1].shape[1]
+    count = 3 * m + parts.modal_support[1].shape[1]
     values, right = np.linalg.eig(turbine.A)
     left = np.linalg.inv(right)
     change = _whirls(m, count)
@@ -102,7 +102,7 @@ def _blade_names(parts: Parts, modes: int) -> list[tuple[int, str]]:
 
 def _tower_names(parts: Parts, modes: int) -> list[tuple[int, str]]:
     """Coordinates and names: by the largest of what the tower top does to the hub, and the shaft to the rotor."""
-    _, shape = modal_support_matrices(parts)
+    _, shape = parts.modal_support
     top, hub = (np.abs(motion @ shape)[:, :modes] for motion in (parts.support.tower_top, parts.support.hub))
     rotor = parts.case.turbine.rotor
     sizes = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -44,11 +45,27 @@ class Parts:
     shape: Array
     lattice: BladeLattice
 
+    @cached_property
+    def modal_support(self) -> tuple[tuple[Array, Array, Array], Array]:
+        """Mass, damping, stiffness (t, t) of the support in its modes, and those modes (N, t).
+
+        The modes carry the rotor as a rigid body on the hub, so that few of them suffice once the blades move.
+        """
+        case, support = self.case, self.support
+        hub = hub_components() @ support.hub
+        rotor = sum(w * part.T @ self.blade.mass_rr @ part for w, part in zip(WORK_WEIGHTS, hub, strict=True))
+        frequency, shape = normal_modes(support.mass + rotor, support.stiffness, case.reduction.tower_modes)
+        modal = np.diag(2.0 * case.turbine.tower_damping_ratio * frequency)
+        mass, damping, stiffness = (
+            shape.T @ matrix @ shape for matrix in (support.mass, support.damping, support.stiffness)
+        )
+        return (mass, damping + modal, stiffness), shape
+
 
 def turbine_equations(parts: Parts) -> Equations:
     """The whole turbine in multi-blade coordinates."""
     lattice, m = parts.lattice, parts.lattice.modes
-    modal_support, support_shape = modal_support_matrices(parts)
+    modal_support, support_shape = parts.modal_support
     own = modal_blade_matrices(parts)
     components = blade_components(parts, support_shape)
     structure, rate, acceleration = turbine_structure(own, modal_support, components, parts.case.rotor_speed)
@@ -159,7 +176,7 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
     lattice : three ints
         Which of the lattices stacked in the aerodynamics' inputs and outputs is each blade's.
     """
-    support, support_shape = modal_support_matrices(mean)
+    support, support_shape = mean.modal_support
     slots = np.eye(max(lattice) + 1)[list(lattice)]
 
     def asked(per_blade: Callable[[Parts], Array]) -> Array:
@@ -214,22 +231,6 @@ def modal_blade_matrices(parts: Parts) -> tuple[Array, Array, Array]:
     stiffness[:m, :m] = own_stiffness
     stiffness[m:, :m] = blade.stiffness_rs @ shape
     return mass, damping, stiffness
-
-
-def modal_support_matrices(parts: Parts) -> tuple[tuple[Array, Array, Array], Array]:
-    """Mass, damping, stiffness (t, t) of the support in its modes, and those modes (N, t).
-
-    The modes carry the rotor as a rigid body on the hub, so that few of them suffice once the blades move.
-    """
-    case, support = parts.case, parts.support
-    hub = hub_components() @ support.hub
-    rotor = sum(w * part.T @ parts.blade.mass_rr @ part for w, part in zip(WORK_WEIGHTS, hub, strict=True))
-    frequency, shape = normal_modes(support.mass + rotor, support.stiffness, case.reduction.tower_modes)
-    modal = np.diag(2.0 * case.turbine.tower_damping_ratio * frequency)
-    mass, damping, stiffness = (
-        shape.T @ matrix @ shape for matrix in (support.mass, support.damping, support.stiffness)
-    )
-    return (mass, damping + modal, stiffness), shape
 
 
 def root_moment(blade: LinearBlade, modes: int, axis: Array = FLAPWISE) -> Array:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flapgym.aerodynamics import Aerodynamics, mean_loads
-from flapgym.aeroelastic.equations import Parts, modal_support_matrices, root_moment, tip_deflection
+from flapgym.aeroelastic.equations import Parts, root_moment, tip_deflection
 from flapgym.aeroelastic.multiblade import BLADES, WORK_WEIGHTS, blade_azimuths, hub_components, on_rotor
 from flapgym.aeroelastic.trim import nodal_load
 from flapgym.reduction import ReducedSystem
@@ -211,7 +211,7 @@ def _kinematics(structure: MovingTurbine, modal: Array) -> Array:
 def _support_damping(parts: Parts) -> Array:
     """Damping (N, N) of the linear support's modes on the free nodes of the chain, which has one more, the link's."""
     support, hub = parts.support, hub_components() @ parts.support.hub
-    (_, damping, _), shape = modal_support_matrices(parts)
+    (_, damping, _), shape = parts.modal_support
     rotor = sum(w * part.T @ parts.blade.mass_rr @ part for w, part in zip(WORK_WEIGHTS, hub, strict=True))
     to_modes = shape.T @ (support.mass + rotor)
     ours = to_modes.T @ (damping - shape.T @ support.damping @ shape) @ to_modes

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
-from flapgym.aeroelastic.equations import Parts, modal_support_matrices, periodic_equations
+from flapgym.aeroelastic.equations import Parts, periodic_equations
 from flapgym.aeroelastic.multiblade import BLADES, on_rotor
 from flapgym.aeroelastic.periodic import PERIODIC_OUTPUTS
 from flapgym.reduction import ReducedSystem
@@ -100,7 +100,7 @@ class PublishedTurbine:
 
     @cached_property
     def _support(self) -> Array:
-        return modal_support_matrices(self.parts)[1]
+        return self.parts.modal_support[1]
 
     @cached_property
     def groups(self) -> tuple[StateGroup, ...]:

@@ -13,7 +13,6 @@ from flapgym.aeroelastic.equations import (
     Parts,
     blade_components,
     modal_blade_matrices,
-    modal_support_matrices,
     root_moment,
     summed_load,
     turbine_equations,
@@ -63,7 +62,7 @@ def study_equations(parts: Parts) -> Equations:
 def _edgewise(parts: Parts) -> Output:
     cone = parts.case.turbine.rotor.precone
     row = root_moment(parts.blade, parts.lattice.modes, np.array([np.cos(cone), 0.0, np.sin(cone)]))
-    support, shape = modal_support_matrices(parts)
+    support, shape = parts.modal_support
     own, components = modal_blade_matrices(parts), blade_components(parts, shape)
     structure, rate, acceleration = turbine_structure(own, support, components, parts.case.rotor_speed)
     T = components.reshape(-1, structure.mass.shape[0])
@@ -72,7 +71,7 @@ def _edgewise(parts: Parts) -> Output:
 
 def _tower_base(parts: Parts) -> Output:
     """The turbine's equations for a rigid turn of all it stands on about the foundation: what the ground takes up."""
-    _, shape = modal_support_matrices(parts)
+    _, shape = parts.modal_support
     wide = np.hstack([shape, rigid_turns(parts)])
     support = parts.support
     mass, damping = (wide.T @ matrix @ wide for matrix in (support.mass, support.damping))

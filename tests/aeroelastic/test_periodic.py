@@ -12,7 +12,6 @@ from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import (
     Parts,
     blade_by_blade,
-    modal_support_matrices,
     periodic_equations,
     turbine_equations,
 )
@@ -42,7 +41,7 @@ def turbine_parts(modes, tower_modes, damping):
 def test_structure_at_an_azimuth_is_the_direct_assembly_in_modes(azimuth):
     parts = turbine_parts(modes=8, tower_modes=66, damping=0.0)
     ours = periodic_equations(parts)(azimuth).structure
-    _, support_shape = modal_support_matrices(parts)
+    _, support_shape = parts.modal_support
     modes = scipy.linalg.block_diag(parts.shape, parts.shape, parts.shape, support_shape)
     theirs = assemble([parts.blade] * 3, parts.support, azimuth)
     for name, full in zip(("mass", "damping", "stiffness"), theirs, strict=True):

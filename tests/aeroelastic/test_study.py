@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flapgym.aeroelastic.blade_lattice import BladeLattice
-from flapgym.aeroelastic.equations import Parts, modal_support_matrices, turbine_equations
+from flapgym.aeroelastic.equations import Parts, turbine_equations
 from flapgym.aeroelastic.study import STUDY_OUTPUTS, study_equations
 from flapgym.reduction import normal_modes
 from flapgym.structure import linear_blade, linear_support
@@ -42,7 +42,7 @@ def harmonic(parts, equations, omega):
 @pytest.mark.parametrize("omega", [0.0, 1.5, 12.0])
 def test_moments_on_the_foundation_are_the_lowest_element_s_elastic_reaction(undamped, omega):
     d, y = harmonic(undamped, study_equations(undamped), omega)
-    _, shape = modal_support_matrices(undamped)
+    _, shape = undamped.modal_support
     tower = tower_beam(undamped.case.turbine)
     q = (shape @ d[3 * MODES :])[: 6 * tower.elements]
     reaction = tangent(tower, tower.reference)[:6, 6:] @ q

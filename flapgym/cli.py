@@ -31,7 +31,7 @@ from flapgym.state_space import StateSpace
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
-from flapgym.turbine import load_case
+from flapgym.turbine import BUILT_IN, load_case
 
 PICTURES = (".pdf", ".png", ".svg")
 
@@ -78,13 +78,20 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="flapgym", description="Load alleviation with flaps on a wind turbine.")
     parser.add_argument("--version", action="version", version=f"flapgym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-
-    def command(name: str, door: Door, text: str) -> argparse.ArgumentParser:
+    for name, door, takes, text in (
+        ("compare", _compare, _takes_comparison, "score agents on the same turbulence, against open loop"),
+        ("build", _build, _takes_build, "build the model of a case and write it to a file"),
+        ("aero", _aero, _takes_case, "print mean loads and gains of a case's vortex lattice"),
+        ("modes", _modes, _takes_modes, "print the turbine's natural modes beside Table 1 of the paper"),
+        ("info", _info, _takes_model, "say what a model holds"),
+    ):
         sub = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
         sub.set_defaults(door=door)
-        return sub
+        takes(sub)
+    return parser
 
-    sub = command("compare", _compare, "score agents on the same turbulence, against open loop")
+
+def _takes_comparison(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "--agents",
         nargs="+",
@@ -114,11 +121,14 @@ def _parser() -> argparse.ArgumentParser:
         help="folder for compare.json, .csv, .md and .png; default: %(default)s",
     )
 
-    sub = command("build", _build, "build the model of a case and write it to a file")
-    sub.add_argument("config", metavar="CONFIG", help="a case's TOML file, or a built-in one: nrel5mw-rated")
+
+def _takes_build(sub: argparse.ArgumentParser) -> None:
+    known = ", ".join(BUILT_IN["case"])
+    sub.add_argument("config", metavar="CONFIG", help=f"a case's TOML file, or a built-in one: {known}")
     sub.add_argument("--output", metavar="FILE", type=Path, required=True, help="the model file to write")
 
-    sub = command("aero", _aero, "print mean loads and gains of a case's vortex lattice")
+
+def _takes_case(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "config",
         metavar="CONFIG",
@@ -127,14 +137,9 @@ def _parser() -> argparse.ArgumentParser:
         help="a case's TOML file, or a built-in one; default: %(default)s",
     )
 
-    sub = command("modes", _modes, "print the turbine's natural modes beside Table 1 of the paper")
-    sub.add_argument(
-        "config",
-        metavar="CONFIG",
-        nargs="?",
-        default="nrel5mw-rated",
-        help="a case's TOML file, or a built-in one; default: %(default)s",
-    )
+
+def _takes_modes(sub: argparse.ArgumentParser) -> None:
+    _takes_case(sub)
     sub.add_argument(
         "--blade-elements",
         type=int,
@@ -152,7 +157,8 @@ def _parser() -> argparse.ArgumentParser:
         help="draw the parked turbine's mode shapes to a file; default: %(const)s",
     )
 
-    sub = command("info", _info, "say what a model holds")
+
+def _takes_model(sub: argparse.ArgumentParser) -> None:
     sub.add_argument(
         "model",
         metavar="MODEL",
@@ -160,7 +166,6 @@ def _parser() -> argparse.ArgumentParser:
         default="nrel5mw-rated",
         help="model file, or name of a shipped one; default: %(default)s",
     )
-    return parser
 
 
 def _compare(options: argparse.Namespace) -> Work:

@@ -19,12 +19,12 @@ from flapgym.aeroelastic.interaction import (
     displacement_downwash,
     hub_turn_downwash,
     interpolation,
-    rigid_displacement,
     velocity_downwash,
 )
 from flapgym.reduction import ReducedSystem, balanced_reduction
 from flapgym.state_space import Array
 from flapgym.structure import LinearBlade
+from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
 
 _MOST_ROWS = 4096

@@ -74,12 +74,6 @@ def displacement_downwash(
     return np.asarray(turned - np.einsum("pi,ij,pjk->pk", normal, spin, _by_point(displacement)))
 
 
-def rigid_displacement(point: Array) -> Array:
-    """Displacement (3 p, 6) of points per unit translation and rotation of the hub about its apex."""
-    moves = np.broadcast_to(np.eye(3), (len(point), 3, 3))
-    return np.concatenate([moves, -hat(point)], axis=2).reshape(-1, 6)
-
-
 def hub_turn_downwash(aero: Aerodynamics, wind_speed: float) -> Array:
     """Downwash (p, 3) per unit rotation of the whole rotor, which then meets the wind askew (eq. 11).
 

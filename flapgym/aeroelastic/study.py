@@ -19,7 +19,7 @@ from flapgym.aeroelastic.equations import (
 )
 from flapgym.aeroelastic.model import TURBINE_OUTPUTS
 from flapgym.state_space import Array, StateSpace, delayed
-from flapgym.structure.rotation import hat
+from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
 
 STUDY_OUTPUTS = ("rbm_edge_0", "rbm_edge_c", "rbm_edge_s", "tower_base_fore_aft", "tower_base_side_side")
@@ -94,8 +94,6 @@ def rigid_turns(parts: Parts) -> Array:
     """Motion (N, 2) of the support's nodes in rigid turns about the base: over downwind, and over to the left."""
     support = parts.support
     nodes = np.vstack([support.tower_position[1:], support.apex])
-    turns = np.zeros((len(nodes), 6, 2))
-    for column, axis in enumerate(np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])):
-        turns[:, :3, column] = nodes @ hat(axis).T
-        turns[:, 3:, column] = axis
-    return turns.reshape(-1, 2)
+    axes = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]).T
+    moves = (rigid_displacement(nodes)[:, 3:] @ axes).reshape(-1, 3, 2)
+    return np.concatenate([moves, np.broadcast_to(axes, moves.shape)], axis=1).reshape(-1, 2)

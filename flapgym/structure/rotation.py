@@ -90,3 +90,9 @@ def about_z(angle: float) -> Array:
 def even(coefficients: Array, squared_angle: Array) -> Array:
     """Value of an even function given by its coefficients in the squared angle."""
     return np.asarray(polyval(squared_angle, coefficients))
+
+
+def rigid_displacement(point: Array) -> Array:
+    """Displacement (3 p, 6) of points (p, 3) per unit translation and small rotation about the origin."""
+    moves = np.broadcast_to(np.eye(3), (len(point), 3, 3))
+    return np.concatenate([moves, -hat(point)], axis=2).reshape(-1, 6)

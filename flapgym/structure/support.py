@@ -13,7 +13,7 @@ import numpy as np
 from flapgym.structure.beam import Beam, Configuration, tangent
 from flapgym.structure.blade import SHEAR_TO_AXIAL
 from flapgym.structure.inertia import distribution, linearise_inertia, section_mass
-from flapgym.structure.rotation import Array, about_y, hat
+from flapgym.structure.rotation import Array, about_y, hat, rigid_displacement
 from flapgym.turbine import Turbine
 
 SHAFT_AXIAL_STIFFNESS = 1e13
@@ -104,13 +104,6 @@ def shaft_beam(turbine: Turbine) -> Beam:
     return Beam(Configuration(position, orientation), stiffness[None], np.zeros((1, 6, 6)))
 
 
-def rigid_link(offset: Array) -> Array:
-    """Motion (6, 6) of a point at `offset` (3,) [m] from a node, for the node's displacement and rotation."""
-    out = np.eye(6)
-    out[:3, 3:] = -hat(offset)
-    return out
-
-
 def linear_support(turbine: Turbine, rotor_speed: float = 0.0) -> LinearSupport:
     """Tower, nacelle, shaft and hub about the unstrained state; the generator end of the shaft is locked.
 
@@ -130,7 +123,8 @@ def linear_support(turbine: Turbine, rotor_speed: float = 0.0) -> LinearSupport:
     stiffness[:tower_size, :tower_size] = tangent(tower, tower.reference)[6:, 6:]
 
     ends = np.zeros((12, size))
-    ends[:6, top] = rigid_link(shaft.reference.position[0] - tower.reference.position[-1])
+    ends[:3, top] = rigid_displacement(shaft.reference.position[:1] - tower.reference.position[-1])
+    ends[3:6, top] = np.eye(3, 6, 3)
     ends[6:, hub] = np.eye(6)
     stiffness += ends.T @ tangent(shaft, shaft.reference) @ ends
 

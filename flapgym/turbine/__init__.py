@@ -1,7 +1,7 @@
 """The machine and the case: frozen data read from TOML files with units, refused where they are not understood."""
 
 from flapgym.turbine.case import Blades, Case, Discretisation, Flap, OperatingPoint, Reduction, Turbulence
-from flapgym.turbine.files import load_case, load_turbine
+from flapgym.turbine.files import BUILT_IN, load_case, load_turbine
 from flapgym.turbine.machine import (
     Airfoil,
     BladeSections,
@@ -15,6 +15,7 @@ from flapgym.turbine.machine import (
 )
 
 __all__ = [
+    "BUILT_IN",
     "Airfoil",
     "BladeSections",
     "Blades",

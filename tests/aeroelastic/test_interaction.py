@@ -10,10 +10,10 @@ from flapgym.aeroelastic.interaction import (
     displacement_downwash,
     hub_turn_downwash,
     interpolation,
-    rigid_displacement,
     velocity_downwash,
 )
 from flapgym.structure import linear_blade
+from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import load_case
 
 CASE = load_case()

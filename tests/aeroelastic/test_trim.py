@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic.interaction import rigid_displacement
 from flapgym.aeroelastic.trim import nodal_load, trim
 from flapgym.structure import linear_blade
+from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import load_case
 
 CASE = load_case()

@@ -22,8 +22,6 @@ from flapgym.turbulence import von_karman_filter
 
 RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turbulence_intensity")
 
-NO_SAMPLES = np.empty((0, 0, 0))
-
 Info = dict[str, Any]
 Origin = dict[str, Any]
 """Where an episode comes from: the generator's state before its draws, and the options of the reset."""
@@ -115,15 +113,15 @@ class Fleet:
         reward = rows[:, layout.REWARD].copy()
         terminated = ~np.isfinite(reward) if status & 1 else np.zeros(n, dtype=bool)
         truncated = self.plant.elapsed >= setup.intervals if status & 2 else np.zeros(n, dtype=bool)
-        info = step_info(rows, setup.blades)
-        if self.settings.record_samples:
+        info = state_info(rows, setup.blades) | further_info(rows, setup.blades)
+        if samples is not None:
             info["samples"] = sample_info(samples, setup.blades)
         return observation, reward, terminated, truncated, info
 
-    def samples(self) -> Array:
+    def samples(self) -> Array | None:
         """Room for the plant samples of a step; none if they are not wanted."""
         if not self.settings.record_samples:
-            return NO_SAMPLES
+            return None
         return np.empty((self.count, self.setup.steps_per_action, layout.SAMPLE))
 
     def get_state(self) -> dict[str, Any]:
@@ -299,14 +297,24 @@ def state_info(rows: Array, blades: int) -> Info:
     info["wind_perturbation"] = rows[:, layout.WIND].copy()
     if blades == BLADES:
         info["azimuth"] = rows[:, layout.AZIMUTH].copy()
-    info["flap_travel"] = rows[:, layout.TRAVEL : layout.TRAVEL + blades].copy()
-    info["flap_stopped"] = rows[:, layout.STOPPED : layout.STOPPED + blades] != 0.0
-    return info
+    return info | flap_info(rows, blades)
 
 
-def step_info(rows: Array, blades: int) -> Info:
-    """The same, with the mean square of each moment over the interval and the reward's terms."""
-    return state_info(rows, blades) | {
+def flap_info(rows: Array, blades: int) -> Info:
+    """What became of the flaps since the reset and in the interval."""
+    return {
+        "flap_travel": rows[:, layout.TRAVEL : layout.TRAVEL + blades].copy(),
+        "flap_stopped": rows[:, layout.STOPPED : layout.STOPPED + blades] != 0.0,
+    }
+
+
+BRIEF = ("rbm", "flap_angle", "flap_rate", "wind_perturbation", "azimuth")
+"""What a single environment gives without being asked for more."""
+
+
+def further_info(rows: Array, blades: int) -> Info:
+    """Mean square of each moment over the interval and the reward's terms."""
+    return {
         "rbm_mean_square": rows[:, layout.MEAN_SQUARE : layout.MEAN_SQUARE + blades].copy(),
         "reward_rbm": rows[:, layout.REWARD_RBM].copy(),
         "reward_flap_angle": rows[:, layout.REWARD_ANGLE].copy(),

@@ -36,6 +36,7 @@ class Settings:
     observe: Sequence[str] = ("rbm",)
     flap_angle_weight: float = 0.0
     tower_weight: float = 0.0
+    full_info: bool = False
     record_samples: bool = False
     realisation_pool: int = 0
     precision: str = "float64"

@@ -12,26 +12,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import BLADES
-from flapgym.envs.fleet import Fleet, Info, generator_of, numbers, refusal, sample_info
+from flapgym.envs.fleet import (
+    BRIEF,
+    Fleet,
+    Info,
+    further_info,
+    generator_of,
+    numbers,
+    refusal,
+    sample_info,
+    state_info,
+)
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
 from flapgym.plant import layout
 
 # Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
-empty, FLOAT32, ROW = np.empty, np.dtype(np.float32), layout.ROW
-RBM, TIP, ANGLE, RATE, TRAVEL, MEAN_SQUARE, STOPPED = (
-    slice(column, column + BLADES)
-    for column in (
-        layout.RBM,
-        layout.TIP,
-        layout.ANGLE,
-        layout.RATE,
-        layout.TRAVEL,
-        layout.MEAN_SQUARE,
-        layout.STOPPED,
-    )
-)
-TOWER, SCALARS = slice(layout.TOWER, layout.TOWER + 2), slice(layout.WIND, layout.REWARD_TOWER + 1)
+empty, ndarray, FLOAT32, ROW = np.empty, np.ndarray, np.dtype(np.float32), layout.ROW
+RBM, ANGLE, RATE = (slice(column, column + BLADES) for column in (layout.RBM, layout.ANGLE, layout.RATE))
+WIND, AZIMUTH, REWARD = layout.WIND, layout.AZIMUTH, layout.REWARD
 
 
 class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -72,7 +71,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rewards
 
-    `reward_rbm + reward_flap_angle + reward_tower`, each also in `info`, over all plant samples of the interval:
+    `reward_rbm + reward_flap_angle + reward_tower` over all plant samples of the interval:
 
     - `reward_rbm` = - mean square of RBM over samples and blades / `rbm_rms`^2. The constant is the model's open-loop
       rms at 10 % turbulence: doing nothing earns about -1 a step on average.
@@ -99,10 +98,11 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Information
 
     `reset` and `step` return a fresh dict in SI units, at the last sample of the interval: `rbm` (3,) [N m],
-    `tip_deflection` (3,) [m], `flap_angle` (3,) [rad], `flap_rate` (3,) [rad/s], `tower_top` (2,) [m] downwind and
-    sideways, `wind_perturbation` [m/s], `azimuth` [rad]; `flap_travel` (3,) [rad], the way gone since the reset, and
-    `flap_stopped` (3,), whether the flap met a stop in the interval. `step` adds `rbm_mean_square` (3,) [N^2 m^2] over
-    the interval, the reward's terms and, with `record_samples`, `samples`: a dict of arrays over every plant sample
+    `flap_angle` (3,) [rad], `flap_rate` (3,) [rad/s], `wind_perturbation` [m/s], `azimuth` [rad]. With `full_info` also
+    `tip_deflection` (3,) [m], `tower_top` (2,) [m] downwind and sideways, `flap_travel` (3,) [rad], the way gone since
+    the reset, `flap_stopped` (3,), whether the flap met a stop in the interval, and from `step` `rbm_mean_square` (3,)
+    [N^2 m^2] over the interval and the reward's terms `reward_rbm`, `reward_flap_angle`, `reward_tower`;
+    `FlapVectorEnv` always gives them. With `record_samples` there is `samples`: a dict of arrays over the plant samples
     (`rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3), `tower_fore_aft`, `tower_side_side`, `wind` (k,)).
 
     ## Arguments
@@ -123,6 +123,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `steps_per_action` | 5 | plant steps for which an action is held; 1 is the paper's, 5 to 10 train well |
     | `observe` | `("rbm",)` | what is observed, see above |
     | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward |
+    | `full_info` | `False` | more in `info`, see Information |
     | `record_samples` | `False` | put every plant sample into `info` |
     | `realisation_pool` | 0 | draw from the realisations of seeds 0 to this - 1, shared in the process; 0: always new |
     | `precision` | `"float64"` | `"float32"` halves memory and time of large batches, see docs/speed.md |
@@ -168,10 +169,15 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space = self._fleet.action_space
         self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._frame_period())}
         self._running = False
-        self._observed = self._fleet.task.size
+        self._plant, self._observed = self._fleet.plant, self._fleet.task.size
+        self._quick = self._plant.quick
+        samples = self._fleet.samples()
+        self._room = () if samples is None else (samples,)
+        """Where the plant samples go, if they are wanted; they are copied from there."""
         self._screen = (
             None if render_mode is None else Screen(self._fleet.model, render_mode, self._frame_period())
         )
+        self._more = bool(self.settings.full_info or self._room or render_mode is not None)
 
     @property
     def model(self) -> TurbineModel:
@@ -185,7 +191,11 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         observation, info = self._fleet.begin(np.zeros(1, dtype=np.int64), [self.np_random], options)
         self._running = True
-        info = {name: value[0] if value.ndim > 1 else float(value[0]) for name, value in info.items()}
+        info = {
+            name: value[0] if value.ndim > 1 else float(value[0])
+            for name, value in info.items()
+            if self.settings.full_info or name in BRIEF
+        }
         if self._screen is not None:
             self._screen.clear()
             self._show(info)
@@ -195,40 +205,26 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Hold the flap accelerations (3,) for `steps_per_action` plant steps."""
         if not self._running:
             raise ResetNeeded("step: no episode is running; call reset first")
-        observation, row, fleet = empty(self._observed, FLOAT32), empty(ROW), self._fleet
-        samples = fleet.samples()
-        try:
-            status = fleet.plant.step(action, observation, row, samples)  # type: ignore[arg-type]
-        except TypeError:  # not an array the plant takes as it is
-            action = numbers(action, (fleet.setup.blades,))
-            status = fleet.plant.step(action, observation, row, samples)
+        observation, row = empty(self._observed, FLOAT32), empty(ROW)
+        if action.__class__ is ndarray and action.dtype is FLOAT32 and action.ndim == 1 and not self._room:
+            status = self._quick(action, observation, row)
+        else:
+            action = numbers(action, (BLADES,))
+            status = self._plant.step(action, observation, row, *self._room)
         if status:
             if status < 0:
-                raise refusal(numbers(action, (fleet.setup.blades,)), status, fleet.setup.blades)
+                raise refusal(numbers(action, (BLADES,)), status, BLADES)
             self._running = False
-        wind, azimuth, reward, reward_rbm, reward_angle, reward_tower = row[SCALARS].tolist()
-        info = {
+        info: Info = {
             "rbm": row[RBM],
-            "tip_deflection": row[TIP],
             "flap_angle": row[ANGLE],
             "flap_rate": row[RATE],
-            "tower_top": row[TOWER],
-            "wind_perturbation": wind,
-            "azimuth": azimuth,
-            "flap_travel": row[TRAVEL],
-            "flap_stopped": row[STOPPED] != 0.0,
-            "rbm_mean_square": row[MEAN_SQUARE],
-            "reward_rbm": reward_rbm,
-            "reward_flap_angle": reward_angle,
-            "reward_tower": reward_tower,
+            "wind_perturbation": row.item(WIND),
+            "azimuth": row.item(AZIMUTH),
         }
-        if samples.size:
-            info["samples"] = {
-                name: value[0] for name, value in sample_info(samples, fleet.setup.blades).items()
-            }
-        if self._screen is not None:
-            self._show(info)
-        return observation, reward, status & 1 != 0, status & 2 != 0, info
+        if self._more:
+            self._tell_more(info, row)
+        return observation, row.item(REWARD), status & 1 != 0, status & 2 != 0, info
 
     def get_state(self) -> dict[str, Any]:
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
@@ -264,6 +260,25 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Close the window, if there is one."""
         if self._screen is not None:
             self._screen.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy's plant is elsewhere."""
+        return {name: value for name, value in self.__dict__.items() if name != "_quick"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._quick = self._plant.quick
+
+    def _tell_more(self, info: Info, row: NDArray[np.float64]) -> None:
+        """What costs too much to be told or shown in every step without being asked for."""
+        if self.settings.full_info:
+            given = state_info(row[None], BLADES) | further_info(row[None], BLADES)
+            info |= {name: value[0] if value.ndim > 1 else float(value[0]) for name, value in given.items()}
+        if self._room:
+            samples = sample_info(self._room[0], BLADES)
+            info["samples"] = {name: value[0] for name, value in samples.items()}
+        if self._screen is not None:
+            self._show(info)
 
     def _frame_period(self) -> float:
         return self._fleet.setup.steps_per_action * self._fleet.model.time_step

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant import layout
 from flapgym.plant.actuator import Actuator
 from flapgym.plant.compiled import advance_double, advance_single
-from flapgym.plant.interface import FloatArray, Setup, Start, Task
+from flapgym.plant.interface import FloatArray, Quick, Setup, Start, Task
 from flapgym.plant.kernel import Kernel, prepare
 from flapgym.plant.lifted_plant import first_feedthrough, first_interval
 from flapgym.plant.responses import Responses
@@ -43,7 +44,7 @@ class _Announce(event.Listener):
 
 
 NO_SAMPLES = np.empty((0, 0, 0))
-ndarray, FLOAT32, FLOAT64 = np.ndarray, np.dtype(np.float32), np.dtype(np.float64)
+FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 
 
 def load_kernel(precision: str) -> tuple[Any, Any]:
@@ -59,7 +60,7 @@ def load_kernel(precision: str) -> tuple[Any, Any]:
     announce, entries = _Announce(), []
     for action in (types.float32, types.float64):
         arguments = (
-            types.int64[::1],
+            types.int64,
             # Strided and read-only arrays are actions too.
             types.Array(action, 1, "A", readonly=True),
             types.float32[::1],
@@ -85,7 +86,7 @@ class CompiledPlant:
     """
 
     def __init__(self, model: TurbineModel, count: int, setup: Setup, task: Task) -> None:
-        self._entries = load_kernel(setup.precision)
+        self._take_single, self._take_double = load_kernel(setup.precision)
         self.model, self.count, self.setup, self.task = model, count, setup, task
         self.fingerprint = plant_fingerprint(model)
         self._kernel = prepare(
@@ -96,22 +97,27 @@ class CompiledPlant:
         self._groups = -(-self._kernel.flap.order // layout.GROUP)
         self._real = self._modes_and_scratch()
         self._state = np.concatenate([self._head(), self._table(), np.zeros(count * layout.OWN)])
-        self._handle = self._addresses(NO_SAMPLES)
+        self._handle = np.zeros(8, dtype=np.int64)
+        self._locate()
 
-    def _addresses(self, samples: Array) -> NDArray[np.int64]:
-        """Where the plant's arrays are, for the compiled code."""
-        arrays: tuple[FloatArray, ...] = (self._real, self._state, self._responses.rows, samples)
-        return np.array([number for array in arrays for number in (array.ctypes.data, array.size)])
+    def _locate(self) -> None:
+        """Note where the arrays are, for the compiled code."""
+        arrays: tuple[FloatArray, ...] = (self._real, self._state, self._responses.rows, NO_SAMPLES)
+        # In place: `quick` knows where this is.
+        self._handle[:] = [number for array in arrays for number in (array.ctypes.data, array.size)]
+        self._address = int(self._handle.ctypes.data)
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy has its arrays elsewhere, and fetches the code itself."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_entries", "_handle")}
+        here = ("_take_single", "_take_double", "_handle", "_address")
+        return {name: value for name, value in self.__dict__.items() if name not in here}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._real = aligned(self._real, self.setup.precision)
-        self._entries = load_kernel(self.setup.precision)
-        self._handle = self._addresses(NO_SAMPLES)
+        self._take_single, self._take_double = load_kernel(self.setup.precision)
+        self._handle = np.zeros(8, dtype=np.int64)
+        self._locate()
 
     def _head(self) -> Array:
         model, setup, task, kernel = self.model, self.setup, self.task, self._kernel
@@ -227,19 +233,34 @@ class CompiledPlant:
         if self._state[layout.NOISY] == 0.0:
             self._state = np.concatenate([self._state, np.zeros(size)])
             self._state[layout.NOISY] = 1.0
-            self._handle = self._addresses(NO_SAMPLES)
+            self._locate()
         self._state[-size:].reshape(self.count, -1)[turbines] = noise.reshape(len(turbines), -1)
 
-    def step(self, actions: FloatArray, observation: NDArray[np.float32], rows: Array, samples: Array) -> int:
+    def step(
+        self,
+        actions: FloatArray,
+        observation: NDArray[np.float32],
+        rows: Array,
+        samples: Array | None = None,
+    ) -> int:
         """Hold actions (n blades,) for k plant steps; see flapgym.plant.interface.Plant."""
-        handle = self._handle if samples.size == 0 else self._addresses(samples)
-        if actions.__class__ is ndarray and actions.ndim == 1:
-            # The very objects, as of every plain array; another byte order, say, is another object.
-            if actions.dtype is FLOAT32:
-                return self._entries[0](handle, actions, observation, rows)
-            if actions.dtype is FLOAT64:
-                return self._entries[1](handle, actions, observation, rows)
-        raise TypeError("actions: expected a flat array of floats")
+        # The very objects, as of every plain array; of another byte order, say, it is another object.
+        kind = actions.dtype if actions.__class__ is np.ndarray and actions.ndim == 1 else None
+        if kind is not FLOAT32 and kind is not FLOAT64:
+            raise TypeError("actions: expected a flat array of floats")
+        take = self._take_single if kind is FLOAT32 else self._take_double
+        if samples is None:
+            return take(self._address, actions, observation, rows)
+        self._handle[-2:] = samples.ctypes.data, samples.size
+        try:
+            return take(self._address, actions, observation, rows)
+        finally:
+            self._handle[-1] = 0
+
+    @property
+    def quick(self) -> Quick:
+        """`step` for flat float32 arrays and without samples, at the least cost of a call."""
+        return partial(self._take_single, self._address)
 
     def get_state(self, turbine: int) -> dict[str, Any]:
         """What changes of a turbine, but for its realisation, as plain values for JSON."""
@@ -261,7 +282,7 @@ class CompiledPlant:
         modes[...] = np.reshape(state["modes"], modes.shape)
 
 
-def aligned(numbers: Array, precision: str) -> FloatArray:
+def aligned(numbers: FloatArray, precision: str) -> FloatArray:
     """A copy that begins at a multiple of ALIGNMENT bytes."""
     dtype = np.dtype(precision)
     room = np.empty(numbers.size + layout.ALIGNMENT // dtype.itemsize, dtype=dtype)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.plant.interface import FloatArray, Plant, Start, Task
+from flapgym.plant.interface import FloatArray, Plant, Quick, Start, Task
 from flapgym.plant.layout import RBM, ROW, SAMPLE, SAMPLE_RBM
 from flapgym.state_space import Array
 
@@ -58,10 +58,16 @@ class DelayedPlant:
             self._noise[turbines] = noise
         return self.task.observe(rows, None if noise is None else noise[:, 0]), rows
 
-    def step(self, actions: FloatArray, observation: NDArray[np.float32], rows: Array, samples: Array) -> int:
+    def step(
+        self,
+        actions: FloatArray,
+        observation: NDArray[np.float32],
+        rows: Array,
+        samples: Array | None = None,
+    ) -> int:
         """Hold actions (n blades,) for k plant steps; see flapgym.plant.interface.Plant."""
         n = self.count
-        if samples.shape[0] != n:
+        if samples is None:
             samples = np.empty((n, self.setup.steps_per_action, SAMPLE))
         status = self.plant.step(actions, observation, rows, samples)
         if status < 0:
@@ -74,6 +80,11 @@ class DelayedPlant:
         noise = None if self._noise is None else self._noise[np.arange(n), at]
         observation.reshape(n, -1)[:] = self.task.observe(late, noise)
         return status
+
+    @property
+    def quick(self) -> Quick:
+        """`step` for flat float32 arrays and without samples."""
+        return self.step
 
     def get_state(self, turbine: int) -> dict[str, Any]:
         """What changes of a turbine, but for its realisation, as plain values for JSON."""

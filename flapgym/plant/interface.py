@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from flapgym.plant.actuator import Faults
 from flapgym.state_space import Array
 
+Quick = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]], int]
 FloatArray = NDArray[np.float64] | NDArray[np.float32]
 
 
@@ -210,7 +212,13 @@ class Plant(Protocol):
         """Begin an episode of m turbines; observations (m, observed) and rows (m, ROW) of sample 0."""
         ...
 
-    def step(self, actions: FloatArray, observation: NDArray[np.float32], rows: Array, samples: Array) -> int:
+    def step(
+        self,
+        actions: FloatArray,
+        observation: NDArray[np.float32],
+        rows: Array,
+        samples: Array | None = None,
+    ) -> int:
         """Hold actions (n blades,), fractions of the acceleration limit, for k plant steps.
 
         Parameters
@@ -221,8 +229,8 @@ class Plant(Protocol):
             Filled.
         rows : (n ROW,) float64
             Filled (flapgym.plant.layout).
-        samples : (n, k, SAMPLE) or (0, 0, 0) float64
-            Filled with the plant samples 1 to k, if there is room.
+        samples : (n, k, SAMPLE) float64, optional
+            Filled with the plant samples 1 to k; takes a setup with `every_sample`.
 
         Returns
         -------
@@ -235,6 +243,11 @@ class Plant(Protocol):
         TypeError
             If the actions are no flat, contiguous array of floats.
         """
+        ...
+
+    @property
+    def quick(self) -> Quick:
+        """`step` for flat float32 arrays and without samples, at the least cost of a call; not to be copied."""
         ...
 
     def get_state(self, turbine: int) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant.actuator import Actuator
-from flapgym.plant.interface import FloatArray, Interval, Setup, Start, Task
+from flapgym.plant.interface import FloatArray, Interval, Quick, Setup, Start, Task
 from flapgym.plant.kernel import fingerprint
 from flapgym.plant.layout import (
     ANGLE,
@@ -113,7 +113,13 @@ class SampledPlant(ABC):
         fill_instant(rows, self.begin(turbines, start), start.azimuth)
         return self.task.observe(rows, None if self._noise is None else self._noise[turbines, 0]), rows
 
-    def step(self, actions: FloatArray, observation: NDArray[np.float32], rows: Array, samples: Array) -> int:
+    def step(
+        self,
+        actions: FloatArray,
+        observation: NDArray[np.float32],
+        rows: Array,
+        samples: Array | None = None,
+    ) -> int:
         """Hold actions (n blades,) for k plant steps; see flapgym.plant.interface.Plant."""
         if not isinstance(actions, np.ndarray) or actions.dtype.kind != "f" or actions.ndim != 1:
             raise TypeError("actions: expected a flat array of floats")
@@ -153,10 +159,15 @@ class SampledPlant(ABC):
         last = np.minimum(self.elapsed, setup.intervals)
         noise = None if self._noise is None else self._noise[np.arange(n), last]
         observation[:] = task.observe(rows, noise).ravel()
-        if samples.shape[0] == n:
+        if samples is not None:
             _fill_samples(samples, interval)
         status = 0 if np.isfinite(rows[:, REWARD]).all() else NONFINITE
         return status | (OVER if (self.elapsed >= setup.intervals).any() else 0)
+
+    @property
+    def quick(self) -> Quick:
+        """`step` for flat float32 arrays and without samples."""
+        return self.step
 
     def get_state(self, turbine: int) -> dict[str, Any]:
         """What changes of a turbine, but for its realisation, as plain values for JSON."""

@@ -106,6 +106,7 @@ def test_only_a_state_that_is_not_finite_terminates(model_file):
 def test_the_reward_is_minus_the_mean_square_of_every_sample_plus_the_named_terms(model_file):
     env = _make(
         model_file,
+        full_info=True,
         record_samples=True,
         flap_angle_weight=0.3,
         tower_weight=2.0,
@@ -130,7 +131,7 @@ def test_the_reward_is_minus_the_mean_square_of_every_sample_plus_the_named_term
 
 
 def test_observations_come_in_the_documented_order_units_and_bounds(model_file):
-    env = _make(model_file, observe=EVERYTHING).unwrapped
+    env = _make(model_file, observe=EVERYTHING, full_info=True).unwrapped
     env.reset(seed=1)
     observation, _, _, _, info = env.step(np.array([0.5, -1.0, 0.2]))
     expected = [

@@ -15,6 +15,7 @@ KEYWORDS = {
     "observe": ("rbm", "flap_angle", "azimuth"),
     "measurement_noise": 1e4,
     "record_samples": True,
+    "full_info": True,
     "flap_angle_weight": 0.1,
 }
 STEPS = 60  # three episodes of 20 actions

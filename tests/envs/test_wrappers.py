@@ -139,7 +139,8 @@ def test_the_state_of_a_wrapped_environment_survives_json(model_file, which):
 def test_no_correction_leaves_the_agent_alone():
     model = synthetic_model()
     agent = load_agent("pd", model)
-    plain, corrected = FlapEnv(model=model, **FULL), Residual(FlapEnv(model=model, **FULL), agent, hold=4)
+    plain = FlapEnv(model=model, **FULL)
+    corrected = Residual(FlapEnv(model=model, full_info=True, **FULL), agent, hold=4)
     for seed in (1, 2):
         observation, _ = plain.reset(seed=seed)
         corrected.reset(seed=seed)

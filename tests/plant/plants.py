@@ -63,9 +63,9 @@ def fly(plant, actions):
     observation = np.empty((n, plant.task.size), np.float32)
     for action in actions:
         rows.append(np.empty((n, layout.ROW)))
-        room = (n, k, layout.SAMPLE) if plant.setup.every_sample else (0, 0, 0)
-        samples.append(np.empty(room))
-        status = plant.step(action.reshape(-1), observation.reshape(-1), rows[-1].reshape(-1), samples[-1])
+        room = np.empty((n, k, layout.SAMPLE)) if plant.setup.every_sample else None
+        samples.append(np.empty((n, 0, layout.SAMPLE)) if room is None else room)
+        status = plant.step(action.reshape(-1), observation.reshape(-1), rows[-1].reshape(-1), room)
         assert status >= 0
     joined = np.concatenate([part.transpose(1, 0, 2) for part in samples])
     return np.stack(rows), joined, observation

@@ -37,7 +37,7 @@ def _start(plant, noise=0.0):
 
 def _step(plant, actions, record=True):
     observation, rows = np.zeros((2, 4), dtype=np.float32), np.zeros((2, ROW))
-    samples = np.zeros((2, 5, SAMPLE) if record else (0, 0, 0))
+    samples = np.zeros((2, 5, SAMPLE)) if record else None
     plant.step(actions, observation.reshape(-1), rows.reshape(-1), samples)
     return observation, rows, samples
 

@@ -245,13 +245,12 @@ def test_bad_actions_are_told_by_place_and_change_nothing(kernel, count):
     actions = np.zeros(3 * count)
     actions[4] = np.inf
     observation, rows = np.empty(3 * count, np.float32), np.empty(count * layout.ROW)
-    none = np.empty((0, 0, 0))
-    assert plant.step(actions, observation, rows, none) == -6
+    assert plant.step(actions, observation, rows) == -6
     actions[2] = np.nan
-    assert plant.step(actions.astype(np.float32), observation, rows, none) == -4
-    assert plant.step(np.zeros(3), observation, rows, none) == -1
+    assert plant.step(actions.astype(np.float32), observation, rows) == -4
+    assert plant.step(np.zeros(3), observation, rows) == -1
     with pytest.raises(TypeError):
-        plant.step(np.zeros((count, 3)), observation, rows, none)
+        plant.step(np.zeros((count, 3)), observation, rows)
     assert [plant.get_state(turbine) for turbine in range(count)] == before
 
 

@@ -1,0 +1,54 @@
+"""The shipped turbine with a heavy blade: made from its case, stable, and shaken once a revolution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flapgym.aeroelastic import load_model
+from flapgym.plant import Setup, make_plant
+from flapgym.plant.layout import RBM, TOWER
+from flapgym.turbine import load_case
+from tests.plant.plants import plain_task, rest
+
+
+@pytest.fixture(scope="module")
+def heavy():
+    return load_model("nrel5mw-heavy-blade")
+
+
+def test_the_model_is_the_one_of_its_case(heavy):
+    case = load_case("nrel5mw-heavy-blade")
+    assert heavy.inputs_hash == case.hash()
+    assert case.blades.mass_factor == (1.05, 1.0, 1.0)
+
+
+def test_its_mean_is_nearly_the_balanced_turbine(heavy):
+    gain, balanced = (model.turbine.dc_gain() for model in (heavy, load_model()))
+    np.testing.assert_allclose(gain[0, [0, 6]], balanced[0, [0, 6]], rtol=0.02)
+
+
+def test_in_still_air_the_imbalance_shakes_the_tower_sideways_once_a_revolution(heavy):
+    steps = 10
+    plant = make_plant(heavy, 16, Setup(steps, 2, heavy.length_scale), plain_task(heavy))
+    azimuth = 2.0 * np.pi / 16 * np.arange(16)
+    _, rows = plant.reset(np.arange(16), rest(16, azimuth=azimuth))
+    once, twice = (2.0 / 16 * np.abs(np.exp(-1j * n * azimuth) @ rows[:, TOWER + 1]) for n in (1, 2))
+    assert 0.02 < once < 0.04  # m
+    assert twice < 0.02 * once
+    assert np.abs(rows[:, RBM : RBM + 3]).max() < 0.02 * heavy.rbm_rms
+
+
+def test_the_steady_motion_goes_on(heavy):
+    steps = 10
+    turn = heavy.rotor_speed * heavy.time_step * steps
+    plant = make_plant(heavy, 2, Setup(steps, 60, heavy.length_scale), plain_task(heavy))
+    # The second turbine starts where the first will be after 50 actions.
+    _, rows = plant.reset(np.arange(2), rest(2, azimuth=np.array([0.3, 0.3 + 50 * turn])))
+    later, observation = np.empty(rows.shape), np.empty(2 * plain_task(heavy).size, dtype=np.float32)
+    for _ in range(50):
+        plant.step(np.zeros(6, dtype=np.float32), observation, later.reshape(-1))
+    for column in (slice(RBM, RBM + 3), slice(TOWER, TOWER + 2)):
+        np.testing.assert_allclose(
+            later[0, column], rows[1, column], atol=1e-6 * np.abs(rows[:, column]).max()
+        )

@@ -46,6 +46,8 @@ def to_dlti(system: StateSpace) -> scipy.signal.dlti:
 def save_mat(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     """Write turbine and single blade as structs A, B, C, D, Ts, InputName, OutputName to a MATLAB file.
 
+    With unequal blades `turbine` is the mean over azimuth, and a struct `periodic` holds what turns
+    (`flapgym.aeroelastic.harmonics.PeriodicPart`).
     In MATLAB: ``m = load('model.mat'); sys = ss(m.turbine.A, m.turbine.B, m.turbine.C, m.turbine.D, m.turbine.Ts)``.
     """
     content: dict[str, Any] = {
@@ -56,6 +58,9 @@ def save_mat(model: TurbineModel, path: str | os.PathLike[str]) -> None:
         "wind_speed": model.wind_speed,
         "rotor_speed": model.rotor_speed,
     }
+    if model.periodic is not None:
+        names = ("left", "core", "right", "forcing")
+        content["periodic"] = {name: getattr(model.periodic, name) for name in names}
     buffer = io.BytesIO()
     scipy.io.savemat(buffer, content, oned_as="column")
     write_atomically(path, buffer.getvalue())

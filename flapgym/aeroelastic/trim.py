@@ -61,9 +61,9 @@ def trim(case: Case, blades: int = 3) -> Trim:
     case = case.alike()
     grid, point = case.discretisation, case.operating_point
 
-    def bend(load: Array | None) -> LinearBlade:
+    def bend(load: Array | None, near: LinearBlade | None = None) -> LinearBlade:
         try:
-            return linear_blade(case.turbine, grid.blade_elements, case.rotor_speed, point.pitch, load)
+            return linear_blade(case.turbine, grid.blade_elements, case.rotor_speed, point.pitch, load, near)
         except EquilibriumError as error:
             raise ValueError(
                 f"operating_point: the blade finds no balance at {point.wind_speed:g} m/s and "
@@ -74,7 +74,8 @@ def trim(case: Case, blades: int = 3) -> Trim:
     for iteration in range(1, MAX_ITERATIONS + 1):
         rotor = deflected_lattice(case, blade, blades)
         loads = mean_loads(case, rotor)
-        after = bend(nodal_load(blade, loads))
+        # The first loaded shape lies far from the unloaded one, the next ones near it.
+        after = bend(nodal_load(blade, loads), blade if iteration > 1 else None)
         move = float(np.linalg.norm(after.position - blade.position, axis=1).max())
         blade = after
         if move < TOLERANCE:

@@ -68,6 +68,7 @@ def linear_blade(
     rotor_speed: float = 0.0,
     pitch: float = 0.0,
     load: Array | None = None,
+    near: LinearBlade | None = None,
 ) -> LinearBlade:
     """Blade 1 linearised about its steady equilibrium under rotation (the paper's eq. 2).
 
@@ -83,10 +84,15 @@ def linear_blade(
         Collective pitch [rad], leading edge upwind positive.
     load : (elements + 1, 6) float, optional
         Steady nodal forces [N] and moments [N m] in S axes (dead), the aerodynamic trim's.
+    near : LinearBlade, optional
+        One about nearly the same equilibrium, to start from; default the unstrained blade, load by steps.
     """
     beam = blade_beam(turbine, elements, pitch)
-    steps = 1 if load is None else LOAD_STEPS
-    configuration = solve_equilibrium(beam, np.array([rotor_speed, 0.0, 0.0]), load, load_steps=steps)
+    steps = 1 if load is None or near else LOAD_STEPS
+    start = Configuration(near.position, near.orientation) if near else None
+    configuration = solve_equilibrium(
+        beam, np.array([rotor_speed, 0.0, 0.0]), load, load_steps=steps, start=start
+    )
     return linearise(beam, configuration, rotor_speed, load)
 
 

@@ -99,7 +99,7 @@ def blade(shift):
     return replace(
         CASE,
         turbine=replace(turbine, blade_sections_12=sections),
-        discretisation=replace(CASE.discretisation, chordwise_panels=3, wake_length=0.1),
+        discretisation=replace(CASE.discretisation, chordwise_panels=3, wake_length=0.05, time_step=0.014),
         reduction=replace(CASE.reduction, blade_modes=8, aerodynamic_states=15),
     )
 

@@ -4,28 +4,32 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.io
+import scipy.linalg
 
 from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.blade_lattice import reduce_stacked
 from flapgym.aeroelastic.build import assemble_parts, azimuth_steps, build_model
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
+from flapgym.aeroelastic.export import save_mat
 from flapgym.aeroelastic.floquet import floquet_multipliers
 from flapgym.aeroelastic.harmonics import fourier_series, simulate_periodic, system_at
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.aeroelastic.uneven import assemble_uneven, multiblade_equations, uneven_equations
+from flapgym.structure import assemble
 from flapgym.turbine import load_case
 
 CASE = load_case()
-DT = CASE.discretisation.time_step
+DT = 0.02
 RNG = np.random.default_rng(3)
 
 
 def coarse(**blades):
     """A small case whose blades differ as told."""
-    grid = replace(CASE.discretisation, chordwise_panels=3, wake_length=0.1)
-    reduction = replace(CASE.reduction, blade_modes=4, tower_modes=4, aerodynamic_states=15)
+    grid = replace(CASE.discretisation, chordwise_panels=2, wake_length=0.05, time_step=DT)
+    reduction = replace(CASE.reduction, blade_modes=4, tower_modes=4, aerodynamic_states=8)
     return replace(CASE, discretisation=grid, reduction=reduction, blades=replace(CASE.blades, **blades))
 
 
@@ -33,7 +37,7 @@ def coarse(**blades):
 def equal():
     """Parts of equal blades and their lattice's two components."""
     parts, aero = assemble_parts(coarse())
-    return parts, [reduce_stacked(aero, [parts.lattice], m, 15) for m in (0, 1)]
+    return parts, [reduce_stacked(aero, [parts.lattice], m, 8) for m in (0, 1)]
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +52,7 @@ def uneven():
         )
     )
     lattices = [own.lattice for own in parts.lattices]
-    return parts, [reduce_stacked(aero, lattices, m, 15) for m in (0, 1)]
+    return parts, [reduce_stacked(aero, lattices, m, 8) for m in (0, 1)]
 
 
 def test_equal_blades_are_the_time_invariant_form_at_every_azimuth(equal):
@@ -60,6 +64,17 @@ def test_equal_blades_are_the_time_invariant_form_at_every_azimuth(equal):
         step = step_matrices(by_azimuth, fixed, DT, azimuth, CASE.rotor_speed * DT)
         for ours, theirs in zip(step, (still.A, still.B, still.C, still.D), strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12 * np.abs(theirs).max())
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 2.2])
+def test_structure_of_unequal_blades_is_the_direct_assembly_in_shapes(uneven, azimuth):
+    parts, _ = uneven
+    ours = uneven_equations(parts)(azimuth).structure
+    shapes = scipy.linalg.block_diag(*(own.shape for own in parts.blades), parts.mean.modal_support[1])
+    theirs = assemble([own.blade for own in parts.blades], parts.mean.support, azimuth)
+    for name, full in (("mass", theirs[0]), ("stiffness", theirs[2])):
+        expected = shapes.T @ full @ shapes
+        np.testing.assert_allclose(getattr(ours, name), expected, atol=1e-9 * np.abs(expected).max())
 
 
 def blade_signals(steps):
@@ -194,6 +209,12 @@ def test_periodic_part_survives_the_file_and_says_why_it_is_there(tmp_path, dead
     assert "flap_effectiveness 1, 1, 0" in again.form
     ours, theirs = (system_at(m.turbine, m.periodic, 0.4) for m in (again, dead_flap))
     np.testing.assert_array_equal(ours.B, theirs.B)
+
+
+def test_matlab_file_holds_the_part_that_turns(tmp_path, dead_flap):
+    save_mat(dead_flap, tmp_path / "m.mat")
+    content = scipy.io.loadmat(tmp_path / "m.mat", simplify_cells=True)
+    np.testing.assert_array_equal(content["periodic"]["core"], dead_flap.periodic.core)
 
 
 def test_unequal_blades_are_not_reduced_once_more():

@@ -14,14 +14,15 @@ from baselines.paper.document import Section, Table
 from baselines.paper.models import VARIATIONS, built
 from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES, growth
 from baselines.paper.scores import Trial, measured, metrics_of
+from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control import Agent, BladeController, OpenLoop, closed_loop
+from flapgym.control import Agent, OpenLoop, closed_loop
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.control.margins import late_measurement
 from flapgym.evaluation import Estimate, Metrics, measure, paired_change
 from flapgym.turbine import Case
 
-AGENTS = ("pd", "lqg", "lqg_saturating", "ppo", "sac")
+AGENTS = ("pd", "lqg", "lqg_saturating", "lqg_multiblade_saturating", "ppo", "sac")
 REALISATIONS = 40
 SHARE = 0.25
 """Of the paper's length, of each: short ones side by side cost least, and together last as long as ten long ones."""
@@ -103,7 +104,7 @@ def outcome(
 
     ours, reference = taken(agent, condition.settings), taken(OpenLoop(), wind)
     grows = None
-    if isinstance(agent, BladeController):
+    if isinstance(agent, LinearController):
         delay = round(condition.settings.get("sensor_delay", 0.0) / model.time_step)
         grows = growth(closed_loop(model, late_measurement(agent.system, delay, model.rotor_speed)))
     return Outcome(

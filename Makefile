@@ -32,7 +32,7 @@ lint: .venv/with-test  ## check style, format and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: .venv/with-baselines  ## measure the environment's speed on one core beside Pendulum
+bench: .venv/with-bench  ## measure speed on one core beside its peers: tables, results/bench.json (ARGS: parts, --docs)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.environment $(ARGS)
 
 clean:  ## remove .venv and caches; results stay
@@ -41,6 +41,7 @@ clean:  ## remove .venv and caches; results stay
 # One stamp for each set of extras, made only once its installation has succeeded.
 .venv/with-baselines: EXTRAS := baselines
 .venv/with-train: EXTRAS := baselines,train
+.venv/with-bench: EXTRAS := baselines,bench
 .venv/with-test: EXTRAS := baselines,train,test
 .venv/with-%: pyproject.toml constraints.txt | $(BIN)/pip
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[$(EXTRAS)]'

@@ -130,7 +130,7 @@ def _pointer_to(kind: Any, address: Any) -> tuple[Any, Any]:
 
 
 @intrinsic
-def _wide(typingctx):  # type: ignore[no-untyped-def]
+def widest_vectors(typingctx):  # type: ignore[no-untyped-def]
     """Let LLVM use the widest vectors the processor has in the function that calls this; by itself it takes half."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -163,7 +163,7 @@ def advance_double(address, actions, observation, rows):  # type: ignore[no-unty
     int
         As flapgym.plant.interface.Plant.step.
     """
-    _wide()
+    widest_vectors()
     handle = carray(_integers(address), (8,))
     real = carray(_doubles(handle[0]), (handle[1],))
     state = carray(_doubles(handle[2]), (handle[3],))
@@ -177,7 +177,7 @@ def advance_double(address, actions, observation, rows):  # type: ignore[no-unty
 @njit(**OPTIONS)
 def advance_single(address, actions, observation, rows):  # type: ignore[no-untyped-def]
     """The same with modes and responses in single precision."""
-    _wide()
+    widest_vectors()
     handle = carray(_integers(address), (8,))
     real = carray(_singles(handle[0]), (handle[1],))
     state = carray(_doubles(handle[2]), (handle[3],))
@@ -190,7 +190,7 @@ def advance_single(address, actions, observation, rows):  # type: ignore[no-unty
 
 @njit(**OPTIONS)
 def _advance(actions, real, state, pool, samples, observation, rows):  # type: ignore[no-untyped-def]
-    _wide()
+    widest_vectors()
     n, k, modes_count = int(state[COUNT]), int(state[STEPS]), int(state[MODES])
     groups = (modes_count + GROUP - 1) // GROUP
     if actions.size != n * int(state[BLADE_COUNT]):
@@ -316,7 +316,7 @@ def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type:
 @njit(**OPTIONS)
 def _modes_of_one(k, every, count, constants, modes, inputs, sums, outputs):  # type: ignore[no-untyped-def]
     """Modes of one turbine over the interval: outputs at samples 1 to k, without the feedthrough."""
-    _wide()
+    widest_vectors()
     sums[: k * 8 * GROUP] = 0.0
     for j in range(k):
         u = inputs[j * FLAP_INPUTS : (j + 1) * FLAP_INPUTS]
@@ -371,7 +371,7 @@ def _modes_of_one(k, every, count, constants, modes, inputs, sums, outputs):  # 
 @njit(**OPTIONS)
 def _modes_of_block(lanes, k, every, count, constants, modes, inputs, outputs):  # type: ignore[no-untyped-def]
     """The same for up to LANES turbines side by side, two modes at a time."""
-    _wide()
+    widest_vectors()
     outputs[: 8 * k * LANES] = 0.0
     for pair in range(count // 2):
         c = constants[(pair // (GROUP // 2)) * GROUP_SIZE + 2 * (pair % (GROUP // 2)) :]

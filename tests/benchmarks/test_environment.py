@@ -1,29 +1,69 @@
-"""The benchmark runs, and says what it counted."""
+"""The benchmark runs, says what it counted, and puts its tables where the page wants them."""
 
 from __future__ import annotations
 
 import json
 
-from benchmarks.environment import FLAPGYM, PENDULUM, Subject, main, measure, table
+import pytest
+
+from benchmarks.environment import kernels, limits, peers, report
+from benchmarks.environment.__main__ import fill, main
+from benchmarks.environment.peers import FLAPGYM, PENDULUM, Subject
+from flapgym.aeroelastic import load_model
+from tests.synthetic import synthetic_model
 
 
-def test_figures_count_every_turbine_and_stand_beside_the_pendulum():
-    subjects = (Subject(FLAPGYM, 3, "native", 5), Subject(PENDULUM, 3, "sync", 1))
-    figures = measure(subjects, seconds=0.02, rounds=1)
-    turbine, pendulum = figures
-    assert turbine.plant_steps_per_second == 5 * turbine.steps_per_second > 0
-    assert pendulum.plant_steps_per_second == pendulum.steps_per_second > 0
-    lines = table(figures).splitlines()
-    assert len(lines) == 3
-    assert lines[2].split()[-2] == "1.00"
+def quiet(text):
+    """Say nothing."""
 
 
-def test_the_program_writes_machine_and_figures(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("benchmarks.environment.SUBJECTS", (Subject(PENDULUM, 1, "single", 1),))
-    assert (
-        main(["--seconds", "0.01", "--rounds", "1", "--output", str(tmp_path / "folder" / "bench.json")]) == 0
+def test_rates_count_every_environment_and_stand_beside_the_pendulum():
+    subjects = [Subject(FLAPGYM, 3, "native", 5, "numpy", "float64"), Subject(PENDULUM, 3, "sync")]
+    rates = peers.rates(subjects, seconds=0.01, rounds=1, tell=quiet)
+    assert all(rate > 0 for rate in rates.values())
+    lines = report.peers_table(rates).splitlines()
+    assert len(lines) == 4
+    cells = [cell.strip() for cell in lines[2].split("|")[1:-1]]
+    assert int(cells[5].replace(",", "")) == pytest.approx(5 * int(cells[4].replace(",", "")), abs=5)
+    assert lines[3].split("|")[-2].strip() == "1.00"
+
+
+def test_a_peer_that_is_missing_is_left_out_with_a_word(monkeypatch):
+    monkeypatch.setattr(peers, "missing", lambda subject: "envpool")
+    said = []
+    assert peers.rates([Subject(PENDULUM, 64, "envpool")], 0.01, 1, said.append) == {}
+    assert "envpool is not installed" in said[0]
+
+
+def test_forms_of_the_plant_are_timed_by_steps_of_each_turbine():
+    call = kernels.by_plant(synthetic_model(), 2, 5, "numpy", "float64", 20)
+    call()
+    assert kernels.by_modes(synthetic_model(), 3)() is None
+
+
+def test_the_plants_work_is_counted_from_its_modes():
+    model = load_model()
+    assert limits.work_per_step(model, 5) == 137 * 24
+    assert limits.memory_per_turbine(model, 572, 5, "float32") < limits.memory_per_turbine(
+        model, 572, 5, "float64"
     )
-    report = json.loads((tmp_path / "folder" / "bench.json").read_text())
-    assert report["machine"]["processors"] >= 1
-    assert report["figures"][0]["subject"]["name"] == PENDULUM
+
+
+def test_the_program_writes_machine_and_tables(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(peers, "all_subjects", lambda: [Subject(PENDULUM, 1, "single")])
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- peers -->\nold\n<!-- end -->\nafter\n")
+    output = tmp_path / "folder" / "bench.json"
+    given = ["peers", "--seconds", "0.01", "--rounds", "1", "--output", str(output), "--docs", str(page)]
+    assert main(given) == 0
+    assert json.loads(output.read_text())["peers"][0]["name"] == PENDULUM
     assert PENDULUM in capsys.readouterr().out
+    text = page.read_text()
+    assert PENDULUM in text
+    assert "old" not in text
+    assert text.startswith("before\n")
+    assert text.endswith("after\n")
+
+
+def test_a_table_without_a_place_is_left_out():
+    assert fill("plain\n", {"peers": "| a |"}) == "plain\n"

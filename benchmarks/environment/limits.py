@@ -1,0 +1,101 @@
+"""What the machine can do at most: multiply-adds and memory, by the compiler the plant is made with.
+
+The plant's step of a batch is 22 multiply-adds a complex mode (four of the mode, twelve of the inputs, six of the
+moments) and ten more in the last step of an action, so its distance from the machine is a quotient of two measurements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from benchmarks.environment.timing import best_of
+from flapgym.aeroelastic import TurbineModel
+from flapgym.plant import layout
+from flapgym.plant.kernel import prepare
+
+STEP_WORK, LAST_WORK = 22, 10
+"""Multiply-adds a complex mode in every step, and in the last one of an action besides."""
+LENGTH = 1 << 22
+"""Numbers of the arrays whose sum is taken: more than the caches of a core hold."""
+
+
+def limits(seconds: float, rounds: int, tell: Callable[[str], None]) -> dict[str, float]:
+    """Multiply-adds per second in registers and bytes per second from memory, in both precisions."""
+    from numba import njit
+
+    from flapgym.plant.compiled import OPTIONS, widest_vectors
+
+    options = dict(OPTIONS, cache=False)
+
+    @njit(**options)
+    def multiply_add(x: Any, turns: int) -> Any:
+        widest_vectors()
+        total = np.zeros(256, x.dtype)
+        factor, addend = x[0], x[1]
+        for start in range(0, 256, 128):
+            part = total[start : start + 128]
+            for _ in range(turns):
+                for i in range(128):
+                    # Sixteen in a row on what is in a register: loads and stores do not count.
+                    value = part[i]
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    value = value * factor + addend
+                    part[i] = value
+        return total.sum()
+
+    @njit(**options)
+    def triad(a: Any, b: Any, c: Any) -> None:
+        widest_vectors()
+        for i in range(a.size):
+            a[i] = b[i] + c[i]
+
+    turns, calls = 200, {}
+    for precision in ("float64", "float32"):
+        x = np.array([0.5, 0.1], dtype=precision)
+        arrays = [np.zeros(LENGTH, dtype=precision) for _ in range(3)]
+        multiply_add(x, 1)
+        triad(*arrays)
+        calls[f"multiply-adds {precision}"] = _bound(multiply_add, x, turns)
+        calls[f"bytes {precision}"] = _bound(triad, *arrays)
+    best = best_of(calls, seconds, rounds, tell)
+    work = {"multiply-adds": 256.0 * 16 * turns, "bytes": 0.0}
+    result = {}
+    for name, time in best.items():
+        kind, precision = name.split()
+        amount = work[kind] or 3.0 * LENGTH * np.dtype(precision).itemsize
+        result[name] = amount / time
+    return result
+
+
+def _bound(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
+    return lambda: function(*arguments)
+
+
+def work_per_step(model: TurbineModel, steps_per_action: int) -> float:
+    """Multiply-adds of a plant step of one turbine in a batch."""
+    modes = prepare(model, steps_per_action, model.length_scale, False).flap.order
+    return modes * (STEP_WORK + LAST_WORK / steps_per_action)
+
+
+def memory_per_turbine(model: TurbineModel, intervals: int, steps_per_action: int, precision: str) -> int:
+    """Bytes of modes, record and response to the wind."""
+    size = np.dtype(precision).itemsize
+    modes = 2 * layout.GROUP * -(-prepare(model, 1, model.length_scale, False).flap.order // layout.GROUP)
+    return size * (modes + intervals * (3 * steps_per_action + 6)) + 8 * layout.OWN

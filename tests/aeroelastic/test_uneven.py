@@ -177,12 +177,38 @@ def test_blades_of_one_other_pitch_mass_and_stiffness_are_the_turbine_made_of_th
     assert ours.hash == theirs.hash
 
 
-def test_heavy_blade_throws_the_tower_sideways_once_a_revolution():
+@pytest.fixture(scope="module")
+def heavy():
+    return build_model(coarse(mass_factor=(1.0, 1.0, 1.02)))
+
+
+def test_which_blade_is_the_heavy_one_is_a_matter_of_azimuth(heavy):
+    other = build_model(coarse(mass_factor=(1.02, 1.0, 1.0)))
+    azimuth = CASE.rotor_speed * DT * np.arange(150)
+    wind = np.zeros((150, 7))
+    wind[:, 6] = np.sin(3.0 * DT * np.arange(150))
+    ours = simulate_periodic(other.turbine, other.periodic, wind, azimuth + 4.0 * np.pi / 3.0)
+    theirs = simulate_periodic(heavy.turbine, heavy.periodic, wind, azimuth)
+    size = np.abs(theirs).max(axis=0)
+    np.testing.assert_allclose(ours / size, theirs / size, atol=1e-9)
+
+
+def test_late_inputs_of_unequal_blades_are_those_of_the_step_before(dead_flap):
+    case = coarse(flap_effectiveness=(1.0, 1.0, 0.0))
+    late = build_model(replace(case, discretisation=replace(case.discretisation, input_delay=1)))
+    u, azimuth = blade_signals(150)
+    ours = simulate_periodic(late.turbine, late.periodic, in_components(u, azimuth), azimuth)
+    u = np.vstack([np.zeros((1, 7)), u[:-1]])
+    theirs = simulate_periodic(dead_flap.turbine, dead_flap.periodic, in_components(u, azimuth), azimuth)
+    size = np.abs(theirs).max(axis=0)
+    np.testing.assert_allclose(ours / size, theirs / size, atol=1e-9)
+
+
+def test_heavy_blade_throws_the_tower_sideways_once_a_revolution(heavy):
     """The steady answer to the imbalance: a force of the surplus mass times radius times speed squared."""
-    model = build_model(coarse(mass_factor=(1.0, 1.0, 1.02)))
     steps = round(2.0 * np.pi / (CASE.rotor_speed * DT))
     azimuth = CASE.rotor_speed * DT * np.arange(40 * steps)
-    y = simulate_periodic(model.turbine, model.periodic, np.zeros((len(azimuth), 7)), azimuth)
+    y = simulate_periodic(heavy.turbine, heavy.periodic, np.zeros((len(azimuth), 7)), azimuth)
     sway = y[-steps:, 7]
     turning = 2.0 * np.abs(np.exp(-1j * azimuth[-steps:]) @ sway) / steps
     assert turning == pytest.approx(np.sqrt(2.0) * sway.std(), rel=0.02)

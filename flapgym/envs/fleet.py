@@ -49,7 +49,10 @@ class Fleet:
             steps_per_action=settings.steps_per_action,
             intervals=settings.intervals(self.model.time_step),
             length_scale=settings.length_scale,
-            every_sample=settings.record_samples or settings.tower_weight > 0.0,
+            # A late moment is looked up among the samples.
+            every_sample=settings.record_samples
+            or settings.tower_weight > 0.0
+            or settings.sensor_delay > 0.0,
             faults=settings.faults(self.model),
             single_blade=single_blade,
             precision=settings.precision,

@@ -77,6 +77,13 @@ ENVIRONMENTS = (
         "The turbine whose flap on blade 3 does 60 % of what the others do.",
         {"flap_effectiveness": [1.0, 1.0, 0.6]},
     ),
+    Registered(
+        "flapgym/NREL5MWHeavyBlade-v0",
+        "The turbine with blade 1 heavier by 5 %, as ice can make it. The rotor is out of balance: the model follows "
+        "the azimuth, and in still air the tower top moves 26 mm to either side once a revolution, the root moments "
+        "hardly.",
+        {"model": "nrel5mw-heavy-blade"},
+    ),
 )
 """Every environment of the package."""
 

@@ -1,0 +1,145 @@
+"""A state given back goes on bit for bit, through JSON and pickle; pools and intensities by environment."""
+
+from __future__ import annotations
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+from flapgym.envs import FlapEnv, FlapVectorEnv
+from tests.synthetic import synthetic_model
+
+THROUGH = {
+    "json": lambda state: json.loads(json.dumps(state)),
+    "pickle": lambda state: pickle.loads(pickle.dumps(state)),
+}
+VARIANTS = {
+    "plain": {},
+    "numpy": {"kernel": "numpy"},
+    "single precision": {"precision": "float32"},
+    "noise and lag": {"measurement_noise": 1e4, "actuator_lag": 0.05, "observe": ("rbm", "flap_angle")},
+    "pool": {"realisation_pool": 3},
+    "delay": {"sensor_delay": 0.014},
+    "gust": {"gust": {"kind": "step", "size": 1.0, "start": 0.2}},
+}
+
+
+def _keywords(variant):
+    return {"model": synthetic_model(), "duration": 0.7, **VARIANTS[variant]}
+
+
+def _assert_equal(got, expected):
+    for one, other in zip(got[:4], expected[:4], strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(got[4]["rbm"], expected[4]["rbm"])
+
+
+@pytest.mark.parametrize("through", THROUGH)
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_one_turbine_goes_on_bit_for_bit_into_the_next_episode(variant, through):
+    env, twin = FlapEnv(**_keywords(variant)), FlapEnv(**_keywords(variant))
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 3)).astype(np.float32)
+    options = {"azimuth": 0.3, "flap_angle": 0.02, "turbulence_intensity": 0.05}
+    env.reset(seed=3, options=options)
+    for action in actions[:8]:
+        env.step(action)
+    twin.set_state(THROUGH[through](env.get_state()))
+    assert twin.np_random_seed == 3
+    for action in actions[8:]:
+        _assert_equal(twin.step(action), env.step(action))
+    np.testing.assert_array_equal(twin.reset()[0], env.reset()[0])
+    _assert_equal(twin.step(actions[0]), env.step(actions[0]))
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("count", [3, 17])
+def test_many_turbines_go_on_bit_for_bit_through_their_autoresets(mode, count):
+    keywords = _keywords("noise and lag")
+    env, twin = (FlapVectorEnv(count, autoreset_mode=mode, **keywords) for _ in range(2))
+    actions = np.random.default_rng(0).uniform(-1, 1, (50, count, 3)).astype(np.float32)
+    env.reset(seed=3)
+    for action in actions[:20]:
+        env.step(action)
+    twin.set_state(json.loads(json.dumps(env.get_state())))
+    for action in actions[20:]:
+        _assert_equal(twin.step(action), env.step(action))
+
+
+def test_a_state_can_be_taken_again_and_again():
+    env = FlapEnv(**_keywords("plain"))
+    env.reset(seed=1)
+    state = env.get_state()
+    first = [env.step(np.full(3, 0.5))[1] for _ in range(5)]
+    env.set_state(state)
+    assert [env.step(np.full(3, 0.5))[1] for _ in range(5)] == first
+
+
+@pytest.mark.parametrize(
+    "other, named",
+    [
+        ({"steps_per_action": 7}, "steps_per_action"),
+        ({"observe": ("rbm", "azimuth")}, "observe"),
+        ({"model": synthetic_model(tower_coupling=0.5)}, "model"),
+        ({"kernel": "numpy"}, "kernel"),
+    ],
+)
+def test_a_state_of_another_environment_is_refused_by_name_and_changes_nothing(other, named):
+    env, stranger = FlapEnv(**_keywords("plain")), FlapEnv(**(_keywords("plain") | other))
+    for one in (env, stranger):
+        one.reset(seed=1)
+    before = env.get_state()
+    with pytest.raises(ValueError, match=named):
+        env.set_state(stranger.get_state())
+    with pytest.raises(ValueError, match="get_state"):
+        env.set_state({"rbm": 0.0})
+    assert env.get_state() == before
+
+
+def test_environments_of_a_process_share_their_pool_of_realisations():
+    keywords = _keywords("pool")
+    alone, one, many = (
+        FlapEnv(**_keywords("plain")),
+        FlapEnv(**keywords),
+        FlapVectorEnv(4, **keywords),
+    )
+    assert one._plant._responses.rows is many._fleet.plant._responses.rows
+    options = {"realisation_seed": 2, "azimuth": 0.0}
+    _, expected = alone.reset(seed=0, options=options)
+    for env in (one, many):
+        _, info = env.reset(seed=9, options=options)
+        np.testing.assert_allclose(np.atleast_2d(info["rbm"])[0], expected["rbm"], rtol=1e-12)
+    drawn = {round(one.reset(seed=seed)[1]["wind_perturbation"], 9) for seed in range(30)}
+    assert len(drawn) == 3
+    with pytest.raises(ValueError, match="seeds 0 to 2"):
+        one.reset(options={"realisation_seed": 3})
+
+
+def test_each_environment_has_the_intensity_given_for_it():
+    env = FlapVectorEnv(3, model=synthetic_model(), turbulence_intensity=(0.05, 0.10, 0.0))
+    options = {"realisation_seed": 5, "azimuth": 0.0}
+    _, info = env.reset(seed=0, options=options)
+    wind = info["wind_perturbation"]
+    np.testing.assert_allclose(wind, [0.5 * wind[1], wind[1], 0.0])
+    _, info = env.reset(options=options | {"turbulence_intensity": 0.2})
+    np.testing.assert_allclose(info["wind_perturbation"], 2.0 * wind[1])
+    with pytest.raises(ValueError, match="turbulence_intensity"):
+        env.reset(options={"turbulence_intensity": -0.1})
+
+
+@pytest.mark.parametrize("value", [(0.1, 0.1), (0.1, 1.0, 0.1), "0.1", [0.1, np.nan, 0.1]])
+def test_impossible_intensities_are_refused(value):
+    with pytest.raises(ValueError, match="turbulence_intensity"):
+        FlapVectorEnv(3, model=synthetic_model(), turbulence_intensity=value)
+
+
+def test_single_precision_gives_the_trajectories_of_double():
+    steps = []
+    for precision in ("float64", "float32"):
+        env = FlapVectorEnv(20, model=synthetic_model(), precision=precision)
+        env.reset(seed=4)
+        actions = np.random.default_rng(1).uniform(-1, 1, (60, 20, 3))
+        steps.append([env.step(action)[4]["rbm"] for action in actions])
+    expected, got = map(np.array, steps)
+    assert np.abs(got - expected).max() < 1e-4 * np.sqrt(np.mean(expected**2))

@@ -1,7 +1,7 @@
 """The paper's Section IV beside ours, in one report: `python -m baselines.paper [PART ...]`.
 
 Writes paper.md and paper.html, and the figures into the folder `paper` beside them. Finished parts lie in its folder
-`parts` and are not computed again; an interrupted run goes on where it was. All parts take a quarter of an hour and
+`parts` and are not computed again; an interrupted run goes on where it was. All parts take twenty minutes and
 1 GB on an idle core; `--quick` takes half a minute.
 """
 

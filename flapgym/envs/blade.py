@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.envs.fleet import Info, numbers
+from flapgym.envs.fleet import BRIEF, Info, numbers
 from flapgym.envs.single import FlapEnv
 from flapgym.envs.vector import FlapVectorEnv
 
@@ -76,7 +76,13 @@ class BladeEnv(FlapEnv):
             raise ResetNeeded("step: no episode is running; call reset first")
         values = numbers(action, self.action_space.shape or ())
         observation, reward, terminated, truncated, infos = self._fleet.step(values[None])
-        info = _only(infos)
+        info = _only(
+            {
+                name: value
+                for name, value in infos.items()
+                if self.settings.full_info or name in (*BRIEF, "samples")
+            }
+        )
         end = bool(terminated[0]), bool(truncated[0])
         self._running = not any(end)
         if self._screen is not None:

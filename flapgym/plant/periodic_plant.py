@@ -6,6 +6,7 @@ In multi-blade coordinates the matrices are their mean over a revolution and a s
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -32,6 +33,79 @@ _SMALLEST = 1e-8
 """Of harmonics, over the largest: what is smaller is left out."""
 
 
+@dataclass(frozen=True, eq=False)
+class Constants:
+    """What is constant in the stepping of a model; prepared once and shared by its plants.
+
+    Attributes
+    ----------
+    matrix : (n + nu, n + ny + s) float
+        From state and inputs: the mean's answer and, behind it, what the turning part is applied to.
+    core : (s, 2 K r) float
+        From there to r numbers for the cosine and the sine of each of K harmonics.
+    left : (r, n + ny) float
+        From their sum to next state and outputs.
+    forcing : (2 F, n + ny) float
+        For cosine and sine of the harmonics from 0 on.
+    root : (n + filter's order, normal numbers) float
+        Normal numbers to first states of turbulence filter and mean turbine.
+    shaping : StateSpace
+        The turbulence filter.
+    steady : (harmonics, n) complex
+        States that the imbalance keeps up.
+    under_wind : (n,) float
+        States under a steady wind of 1 m/s.
+    """
+
+    matrix: Array
+    core: Array
+    left: Array
+    forcing: Array
+    root: Array
+    shaping: StateSpace
+    steady: NDArray[np.complex128]
+    under_wind: Array
+
+    @property
+    def harmonics(self) -> int:
+        """Number K of harmonics of the core."""
+        return self.core.shape[1] // (2 * self.left.shape[0])
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """A model by the fingerprint of its numbers, wherever it was loaded from."""
+
+    fingerprint: str
+    length_scale: float
+    model: TurbineModel = field(compare=False)
+
+
+@lru_cache(maxsize=4)
+def _prepared(wanted: _Wanted) -> Constants:
+    model = wanted.model
+    assert model.periodic is not None
+    turbine, part = model.turbine, model.periodic
+    mean = np.block([[turbine.A, turbine.B], [turbine.C, turbine.D]])
+    size = np.abs(part.core).max(axis=(1, 2))
+    core = part.core[: 1 + int(np.flatnonzero(size >= _SMALLEST * size.max()).max())]
+    modal, root = disturbance_modes(model, wanted.length_scale)
+    return Constants(
+        matrix=np.ascontiguousarray(np.vstack([mean, part.right]).T),
+        core=np.ascontiguousarray(np.concatenate([core.real, -core.imag]).reshape(-1, core.shape[2]).T),
+        left=np.ascontiguousarray(part.left.T),
+        forcing=np.vstack([part.forcing.real, -part.forcing.imag]),
+        root=np.asarray((modal.expand @ (root[0::2] + 1j * root[1::2])).real),
+        shaping=von_karman_filter(
+            model.wind_speed, model.turbulence_intensity, wanted.length_scale, model.time_step
+        ),
+        steady=steady_motion(turbine, part, model.rotor_speed * model.time_step),
+        under_wind=np.asarray(
+            np.linalg.solve(np.eye(turbine.order) - turbine.A, turbine.B[:, -1]), dtype=float
+        ),
+    )
+
+
 class PeriodicPlant(SampledPlant):
     """n turbines of one model with a periodic part.
 
@@ -53,33 +127,18 @@ class PeriodicPlant(SampledPlant):
         super().__init__(model, count, setup, task)
         if model.periodic is None or setup.single_blade:
             raise ValueError("periodic plant: expected a whole turbine whose blades differ")
-        turbine, part = model.turbine, model.periodic
-        self._order = turbine.order
-        mean = np.block([[turbine.A, turbine.B], [turbine.C, turbine.D]])
-        # One product gives the mean's answer and, behind it, what the turning part is applied to.
-        self._matrix = np.ascontiguousarray(np.vstack([mean, part.right]).T)
-        size = np.abs(part.core).max(axis=(1, 2))
-        self._harmonics = 1 + int(np.flatnonzero(size >= _SMALLEST * size.max()).max())
-        core = part.core[: self._harmonics]
-        self._core = np.ascontiguousarray(
-            np.concatenate([core.real, -core.imag]).reshape(-1, core.shape[2]).T
-        )
-        self._left = np.ascontiguousarray(part.left.T)
-        self._forcing = np.vstack([part.forcing.real, -part.forcing.imag])
-        self._root, self._filter = _stationary(model, setup.length_scale)
-        self._steady = steady_motion(turbine, part, model.rotor_speed * model.time_step)
-        self._under_wind = np.linalg.solve(np.eye(turbine.order) - turbine.A, turbine.B[:, -1])
+        self._order = model.turbine.order
+        self._constants = _prepared(_Wanted(self.fingerprint, setup.length_scale, model))
         self._effectiveness = np.array(setup.faults.effectiveness)
         self._step_turn = model.rotor_speed * model.time_step
-        samples = setup.intervals * setup.steps_per_action + 1
-        self._wind = np.zeros((count, samples))
-        self._ahead = np.zeros((count, turbine.order))
+        self._wind = np.zeros((count, setup.intervals * setup.steps_per_action + 1))
+        self._ahead = np.zeros((count, self._order))
         """State at the sample after the last one given: what is known of that is known already."""
 
     @property
     def noise_count(self) -> int:
         """Standard normal numbers one turbine's realisation takes."""
-        return self._root.shape[1] + self._wind.shape[1]
+        return self._constants.root.shape[1] + self._wind.shape[1]
 
     def begin(self, turbines: NDArray[np.int64], start: Start) -> Interval:
         """Begin an episode of m turbines; the outputs at sample 0."""
@@ -89,14 +148,16 @@ class PeriodicPlant(SampledPlant):
         if start.realisation is not None:
             noise = np.stack([realisation_noise(int(seed), self.noise_count) for seed in start.realisation])
         if noise is not None:
-            first = noise[:, : self._root.shape[1]] @ self._root.T
-            wind = level[:, None] * filtered(self._filter, first, noise[:, self._root.shape[1] :])
-            state = level[:, None] * first[:, self._filter.order :]
+            first = noise[:, : self._constants.root.shape[1]] @ self._constants.root.T
+            wind = level[:, None] * filtered(
+                self._constants.shaping, first, noise[:, self._constants.root.shape[1] :]
+            )
+            state = level[:, None] * first[:, self._constants.shaping.order :]
         if start.gust is not None:
-            wind, state = wind + start.gust.wind, state + start.gust.before * self._under_wind
+            wind, state = wind + start.gust.wind, state + start.gust.before * self._constants.under_wind
         azimuth = np.asarray(start.azimuth)[:, None]
-        phase = np.exp(1j * azimuth * np.arange(len(self._steady)))
-        state = state + (phase @ self._steady).real + self._under_stuck_flaps(start.azimuth)
+        phase = np.exp(1j * azimuth * np.arange(len(self._constants.steady)))
+        state = state + (phase @ self._constants.steady).real + self._under_stuck_flaps(start.azimuth)
         self._wind[turbines] = wind
         inputs = self._inputs(start.flap_angle[:, None], start.flap_rate[:, None], wind[:, :1], azimuth)
         outputs, self._ahead[turbines] = self._march(state, inputs, azimuth)
@@ -146,19 +207,21 @@ class PeriodicPlant(SampledPlant):
 
     def _march(self, state: Array, inputs: Array, azimuth: Array) -> tuple[Array, Array]:
         """Outputs (m, k, 8) in components at k samples, and the state (m, n) after them."""
-        m, k, _ = inputs.shape
-        n, harmonics = self._order, self._harmonics
-        angle = azimuth[:, :, None] * np.arange(len(self._forcing) // 2)
+        constants, (m, k, _) = self._constants, inputs.shape
+        n, harmonics = self._order, constants.harmonics
+        angle = azimuth[:, :, None] * np.arange(len(constants.forcing) // 2)
         cosine, sine = np.cos(angle), np.sin(angle)
-        forcing = np.concatenate([cosine, sine], axis=2) @ self._forcing
+        forcing = np.concatenate([cosine, sine], axis=2) @ constants.forcing
         turn = [part[:, :, 1 : harmonics + 1] for part in (cosine, sine)]
         phase = np.concatenate(turn, axis=2)[:, :, None]
-        given, outputs = np.empty((m, self._matrix.shape[0])), np.empty((m, k, 8))
+        given, outputs = np.empty((m, constants.matrix.shape[0])), np.empty((m, k, 8))
         for sample in range(k):
             given[:, :n], given[:, n:] = state, inputs[:, sample]
-            after = given @ self._matrix
-            turning = (after[:, n + 8 :] @ self._core).reshape(m, 2 * harmonics, -1)
-            after = after[:, : n + 8] + (phase[:, sample] @ turning)[:, 0] @ self._left + forcing[:, sample]
+            after = given @ constants.matrix
+            turning = (after[:, n + 8 :] @ constants.core).reshape(m, 2 * harmonics, -1)
+            after = (
+                after[:, : n + 8] + (phase[:, sample] @ turning)[:, 0] @ constants.left + forcing[:, sample]
+            )
             state, outputs[:, sample] = after[:, :n], after[:, n:]
         return outputs, state
 
@@ -221,12 +284,3 @@ def filtered(shaping: StateSpace, first: Array, white: Array) -> Array:
         wind[:, sample] = (state * shaping.C[0]).sum(axis=1)
         state = state * decay + white[:, sample, None] * drive
     return wind + shaping.D[0, 0] * white
-
-
-@lru_cache(maxsize=4)
-def _stationary(model: TurbineModel, length_scale: float) -> tuple[Array, StateSpace]:
-    """Map of normal numbers to the first states of filter and mean turbine, and the filter."""
-    modal, root = disturbance_modes(model, length_scale)
-    modes = root[0::2] + 1j * root[1::2]
-    shaping = von_karman_filter(model.wind_speed, model.turbulence_intensity, length_scale, model.time_step)
-    return np.asarray((modal.expand @ modes).real), shaping

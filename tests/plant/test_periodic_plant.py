@@ -104,7 +104,7 @@ def test_it_steps_what_the_models_own_simulation_gives():
         inputs = np.hstack(
             [to_components(angle, azimuth), to_components(rate, azimuth), gust.wind[:501, None]]
         )
-        steady = plant._steady
+        steady = plant._constants.steady
         x0 = (np.exp(1j * azimuth[0] * np.arange(len(steady))) @ steady).real
         expected = simulate_periodic(model.turbine, model.periodic, inputs, azimuth, x0)
         rbm = to_blades(expected[:, :3], azimuth)

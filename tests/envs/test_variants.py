@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 
 import gymnasium
 import numpy as np
@@ -13,7 +14,9 @@ from flapgym.aeroelastic import load_model
 from flapgym.envs import FlapEnv, FlapVectorEnv
 from flapgym.envs.blade import BladeEnv, BladeVectorEnv
 from flapgym.envs.sb3 import FlapVecEnv
+from flapgym.envs.settings import Settings
 from flapgym.turbulence import gust_of
+from flapgym.turbulence.gusts import GUSTS
 from tests.synthetic import synthetic_blade, synthetic_model
 
 STEP = 0.007
@@ -236,3 +239,12 @@ def test_a_state_of_late_moments_survives_json():
     twin.set_state(json.loads(json.dumps(env.get_state())))
     for action in _actions(20):
         np.testing.assert_array_equal(env.step(action)[0], twin.step(action)[0])
+
+
+def test_every_keyword_stands_in_the_manual():
+    manual = FlapEnv.__doc__ or ""
+    arguments = manual[manual.index("## Arguments") : manual.index("## Gusts")]
+    for field in fields(Settings):
+        assert f"`{field.name}`" in arguments, field.name
+    for kind in GUSTS:
+        assert f'| `"{kind}"` |' in manual

@@ -30,6 +30,7 @@ from flapgym.plant.layout import (
     COUNT,
     DIRECT,
     DRIVE,
+    EDITION,
     EFFECTIVENESS,
     ENTRY,
     EVERY,
@@ -41,6 +42,7 @@ from flapgym.plant.layout import (
     LAG_DECAY,
     LAG_GAIN,
     LANES,
+    LAYOUT,
     MEAN_SQUARE,
     MODES,
     NOISY,
@@ -97,6 +99,8 @@ OPTIONS: dict[str, Any] = {
 C1, S1 = math.cos(2.0 * math.pi / 3.0), math.sin(2.0 * math.pi / 3.0)
 """From one blade to the next."""
 THIRD = 1.0 / 3.0
+OUTDATED = -(1 << 40)
+"""Returned by code that was compiled for another layout."""
 PAIR = 2 * LANES
 ROW_PAIRS = 2 * GROUP
 GROUP_SIZE = CONSTANTS * GROUP
@@ -193,6 +197,8 @@ def _advance(actions, real, state, pool, samples, observation, rows):  # type: i
     widest_vectors()
     n, k, modes_count = int(state[COUNT]), int(state[STEPS]), int(state[MODES])
     groups = (modes_count + GROUP - 1) // GROUP
+    if state[LAYOUT] != EDITION:
+        return OUTDATED
     if actions.size != n * int(state[BLADE_COUNT]):
         return -1
     for i in range(actions.size):

@@ -12,9 +12,8 @@ from numba.core import event
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.plant import layout
+from flapgym.plant import compiled, layout
 from flapgym.plant.actuator import Actuator
-from flapgym.plant.compiled import advance_double, advance_single
 from flapgym.plant.interface import FloatArray, Quick, Setup, Start, Task
 from flapgym.plant.kernel import Kernel, prepare
 from flapgym.plant.lifted_plant import first_feedthrough, first_interval
@@ -47,8 +46,15 @@ NO_SAMPLES = np.empty((0, 0, 0))
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 
 
-def load_kernel(precision: str) -> tuple[Any, Any]:
+def load_kernel(precision: str, afresh: bool = False) -> tuple[Any, Any]:
     """Compile the kernel for a precision, or read it from the cache, so that no step has to wait.
+
+    Parameters
+    ----------
+    precision : str
+        Of the modes.
+    afresh : bool
+        Forget what is in the cache.
 
     Returns
     -------
@@ -56,7 +62,12 @@ def load_kernel(precision: str) -> tuple[Any, Any]:
         The compiled code for actions in single and in double precision. It is called past numba's look-up of types,
         which costs as much as a third of a step: who calls it sees to the types.
     """
-    function = {"float64": advance_double, "float32": advance_single}[precision]
+    function = {"float64": compiled.advance_double, "float32": compiled.advance_single}[precision]
+    if afresh:
+        for part in vars(compiled).values():
+            if hasattr(part, "recompile"):
+                part._cache.flush()
+        function._reset_overloads()
     announce, entries = _Announce(), []
     for action in (types.float32, types.float64):
         arguments = (
@@ -99,6 +110,9 @@ class CompiledPlant:
         self._state = np.concatenate([self._head(), self._table(), np.zeros(count * layout.OWN)])
         self._handle = np.zeros(8, dtype=np.int64)
         self._locate()
+        nothing = np.empty(0, np.float32), np.empty(0, np.float32), np.empty(0)
+        if self.quick(*nothing) == compiled.OUTDATED:
+            self._take_single, self._take_double = load_kernel(setup.precision, afresh=True)
 
     def _locate(self) -> None:
         """Note where the arrays are, for the compiled code."""
@@ -149,6 +163,7 @@ class CompiledPlant:
             layout.WEIGHT_RBM: task.rbm_weight,
             layout.WEIGHT_ANGLE: task.angle_weight,
             layout.WEIGHT_TOWER: task.tower_weight,
+            layout.LAYOUT: layout.EDITION,
         }.items():
             head[place] = value
         head[layout.EFFECTIVENESS : layout.EFFECTIVENESS + 3] = setup.faults.effectiveness

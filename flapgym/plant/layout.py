@@ -6,6 +6,8 @@ a plant knows is packed into two arrays, one of doubles and one of the precision
 
 from __future__ import annotations
 
+import zlib
+
 # ------------------------------------------------------------------- what a plant gives
 # A row of what a turbine did during an action: the columns that every plant fills, in SI units.
 RBM, TIP, ANGLE, RATE = 0, 3, 6, 9
@@ -36,8 +38,8 @@ FLAP_INPUTS = 6
 COUNT, STEPS, INTERVALS, MODES, BLADE_COUNT, EVERY, OBSERVED, NOISY = range(8)
 TIME_STEP, TURN, COSINE_TURN, SINE_TURN = range(8, 12)
 ANGLE_LIMIT, RATE_LIMIT, ACCELERATION_LIMIT, LAG_DECAY, LAG_GAIN = range(12, 17)
-WEIGHT_RBM, WEIGHT_ANGLE, WEIGHT_TOWER = range(17, 20)
-EFFECTIVENESS, STUCK, DIRECT = 20, 23, 26
+WEIGHT_RBM, WEIGHT_ANGLE, WEIGHT_TOWER, LAYOUT = range(17, 21)
+EFFECTIVENESS, STUCK, DIRECT = 21, 24, 27
 """Three a blade, three a blade, the feedthrough (8, 6) by rows."""
 HEAD = DIRECT + 8 * FLAP_INPUTS
 """Length of the head; behind it the table of the observation, a record a turbine, and noise."""
@@ -55,7 +57,7 @@ OWN = 16
 # ------------------------------------------------------------------- the numbers of the modes
 LANES = 128
 """Turbines of a block in a batch: its modes stay in the second-level cache, a pair of them in the first."""
-FEWEST_IN_BATCH = 8
+FEWEST_IN_BATCH = 16
 """Turbines from which they are stepped side by side; fewer are stepped one by one, modes side by side."""
 GROUP = 16
 """Modes of a group: their constants lie row by row, so that a vector unit takes them together."""
@@ -66,3 +68,6 @@ DECAY, DRIVE, READ, READ_LAST = 0, 2, 14, 20
 each moment, then to the other five outputs."""
 CONSTANTS = 30
 """Rows of a group."""
+
+EDITION = zlib.crc32(repr(sorted((k, v) for k, v in globals().items() if k.isupper())).encode())
+"""Of these numbers: compiled code keeps the ones it was made with, and numba's cache does not see them change."""

@@ -18,7 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.environment import endurance, kernels, limits, peers, report, startup
+from benchmarks.environment import agreement, endurance, kernels, limits, peers, report, startup
 from flapgym.aeroelastic import load_model
 from flapgym.atomic import write_atomically
 
@@ -36,13 +36,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=0.15, help="of each round (default: 0.15)")
     parser.add_argument("--rounds", type=int, default=5, help="of which the best counts (default: 5)")
     parser.add_argument("--endurance", type=int, default=0, metavar="STEPS", help="plant steps of a long run")
+    parser.add_argument("--agreement", type=float, default=0.0, metavar="SECONDS", help="simulated, compared")
     parser.add_argument("--output", type=Path, default=Path("results/bench.json"))
     parser.add_argument("--docs", type=Path, help="page whose tables are replaced")
     options = parser.parse_args(arguments)
     wanted = options.parts or list(PARTS)
     if options.seconds <= 0.0 or options.rounds < 1 or not set(wanted) <= set(PARTS):
         parser.error(f"expected positive --seconds and --rounds, and parts among {', '.join(PARTS)}")
-    found = measure(wanted, options.seconds, options.rounds, options.endurance, _tell)
+    found = measure(wanted, options.seconds, options.rounds, _tell)
+    if options.agreement:
+        found["agreement"] = agreement.agreement(options.agreement, _tell)
+        found["tables"]["agreement"] = report.agreement_table(found["agreement"], options.agreement)
+    if options.endurance:
+        results = endurance.endure(options.endurance, _tell)
+        found["endurance"] = [asdict(result) for result in results]
+        found["tables"]["endurance"] = report.endurance_table(results)
     for name, text in found["tables"].items():
         print(f"\n{name}\n\n{text}")
     options.output.parent.mkdir(parents=True, exist_ok=True)
@@ -55,9 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def measure(
-    parts: Sequence[str], seconds: float, rounds: int, plant_steps: int, tell: Callable[[str], None]
-) -> dict[str, Any]:
+def measure(parts: Sequence[str], seconds: float, rounds: int, tell: Callable[[str], None]) -> dict[str, Any]:
     """Numbers and tables of the parts wanted."""
     model = load_model()
     found: dict[str, Any] = {"machine": machine(), "tables": {}}
@@ -82,10 +88,6 @@ def measure(
         tell("start-up")
         found["startup"] = startup.startup(3)
         tables["startup"] = report.startup_table(found["startup"])
-    if plant_steps:
-        results = endurance.endure(plant_steps, tell)
-        found["endurance"] = [asdict(result) for result in results]
-        tables["endurance"] = report.endurance_table(results)
     return found
 
 

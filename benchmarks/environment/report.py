@@ -113,6 +113,12 @@ def startup_table(times: Mapping[str, float]) -> str:
     return table(["what", "ms"], [[name, f"{1e3 * time:,.2f}"] for name, time in times.items()])
 
 
+def agreement_table(errors: Mapping[str, float], seconds: float) -> str:
+    """How far the plant is from the plainest stepping."""
+    head = ["plant", "simulated s", "largest difference over the largest value"]
+    return table(head, [[name, f"{seconds:,.0f}", f"{error:.1e}"] for name, error in errors.items()])
+
+
 def endurance_table(results: Sequence[Endurance]) -> str:
     """What long runs found."""
     rows = [

@@ -16,6 +16,7 @@ from flapgym.aeroelastic.multiblade import BLADES
 from flapgym.envs.observation import bound_of, task_of
 from flapgym.envs.settings import Settings
 from flapgym.plant import Setup, Start, layout, make_plant
+from flapgym.plant.delayed import DelayedPlant
 from flapgym.reduction import output_rms
 from flapgym.state_space import Array, series
 from flapgym.turbulence import von_karman_filter
@@ -137,8 +138,15 @@ class Fleet:
             ],
         }
 
-    def set_state(self, state: Mapping[str, Any]) -> None:
+    def set_state(self, state: Mapping[str, Any], further: Sequence[str] = ()) -> None:
         """Go on from a state of the same model and settings, bit for bit.
+
+        Parameters
+        ----------
+        state : mapping
+            Of `get_state`, with what the environment has put beside.
+        further : sequence of str
+            Names of that: one environment's state is not that of a vector of one.
 
         Raises
         ------
@@ -147,8 +155,13 @@ class Fleet:
         """
         try:
             made_by, turbines = dict(state["made_by"]), list(state["turbines"])
+            absent = [name for name in further if name not in state]
         except (KeyError, TypeError, ValueError):
             raise ValueError("state: expected what get_state of such an environment returned") from None
+        if absent:
+            raise ValueError(
+                f"state: expected what get_state of such an environment returned, it has no {absent[0]}"
+            )
         for name, own in self._identity().items():
             if made_by.get(name) != own:
                 raise ValueError(
@@ -176,7 +189,7 @@ class Fleet:
         }
         return {
             "model": self.plant.fingerprint,
-            "kernel": type(self.plant).__name__,
+            "kernel": type(self.plant.plant if isinstance(self.plant, DelayedPlant) else self.plant).__name__,
             "num_envs": self.count,
             # Through JSON, so that a tuple equals the list it becomes there.
             **json.loads(json.dumps(settings, default=_plain)),
@@ -256,11 +269,13 @@ def with_blade_rms(model: TurbineModel) -> TurbineModel:
 def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] | Array:
     """Actions as contiguous floats of the right shape, or an error that says what is wrong with them."""
     try:
-        # Copied: what is handed to a plant must be contiguous and, for compiled code, writable.
         single = isinstance(actions, np.ndarray) and actions.dtype == np.float32
-        values: NDArray[np.float32] | Array = (
-            np.array(actions, dtype=np.float32) if single else np.array(actions, dtype=np.float64)
+        # Copied into an array of NumPy's own type: one that was pickled, as on its way to another process, has a type
+        # that equals it and is another object.
+        values: NDArray[np.float32] | Array = np.empty(
+            np.shape(actions), np.float32 if single else np.float64
         )
+        values[...] = actions
     except (TypeError, ValueError):
         raise ValueError(f"action: expected numbers of shape {shape}, got {actions!r}") from None
     if values.shape != shape:

@@ -243,7 +243,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         ValueError
             If it is another environment's; nothing is changed then.
         """
-        self._fleet.set_state(state)
+        self._fleet.set_state(state, ("running", "generator", "seed"))
         self._running = bool(state["running"])
         self._np_random, self._np_random_seed = generator_of(state["generator"]), state["seed"]
 

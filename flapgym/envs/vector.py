@@ -136,7 +136,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         ValueError
             If it is another environment's; nothing is changed then.
         """
-        self._fleet.set_state(state)
+        self._fleet.set_state(state, ("generators", "seeds", "ended", "started", "observation"))
         self._generators = [generator_of(entry) for entry in state["generators"]]
         self._seeds = list(state["seeds"])
         self._ended, self._started = np.array(state["ended"]), np.array(state["started"])

@@ -50,6 +50,17 @@ def test_the_shipped_model_is_the_default():
     assert env.unwrapped.model.wind_speed == 11.0
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, ">f4", np.float16, np.int64])
+def test_actions_that_came_from_another_process_act_like_any_other(model_file, dtype):
+    env, twin = _make(model_file), _make(model_file)
+    action = np.array([1, 0, -1], dtype=dtype)
+    for one in (env, twin):
+        one.reset(seed=0)
+    # Unpickled, its type equals NumPy's own and is another object.
+    step = env.step(pickle.loads(pickle.dumps(action)))
+    np.testing.assert_array_equal(step[0], twin.step(np.array([1, 0, -1], dtype=np.float32))[0])
+
+
 def test_a_module_prefix_registers_the_environment():
     code = 'import gymnasium; print(gymnasium.make("flapgym:flapgym/NREL5MW-v0").spec.id)'
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == ID

@@ -97,6 +97,26 @@ def test_a_state_of_another_environment_is_refused_by_name_and_changes_nothing(o
     assert env.get_state() == before
 
 
+def test_a_late_environment_refuses_the_state_of_another_kernel():
+    env, stranger = (FlapEnv(**_keywords("delay"), kernel=kernel) for kernel in ("numpy", "numba"))
+    for one in (env, stranger):
+        one.reset(seed=1)
+    with pytest.raises(ValueError, match="kernel"):
+        env.set_state(stranger.get_state())
+
+
+@pytest.mark.parametrize("to_many", [False, True])
+def test_one_environment_and_a_vector_of_one_refuse_each_others_states(to_many):
+    env, stranger = FlapEnv(**_keywords("plain")), FlapVectorEnv(1, **_keywords("plain"))
+    for seed, one in enumerate((env, stranger)):
+        one.reset(seed=seed)
+    taker, giver = (stranger, env) if to_many else (env, stranger)
+    before = taker.get_state()
+    with pytest.raises(ValueError, match="get_state"):
+        taker.set_state(giver.get_state())
+    assert taker.get_state() == before
+
+
 def test_environments_of_a_process_share_their_pool_of_realisations():
     keywords = _keywords("pool")
     alone, one, many = (

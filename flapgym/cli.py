@@ -314,7 +314,10 @@ def lightly_damped(
     system: StateSpace, highest: float = 5.0, damping: float = 0.05
 ) -> list[tuple[float, float]]:
     """Frequency [Hz] and damping ratio of the oscillating modes below these bounds, by frequency."""
-    poles = np.log(np.linalg.eigvals(system.A).astype(complex)) / system.time_step
+    values = np.linalg.eigvals(system.A).astype(complex)
+    poles = (
+        np.log(values[values != 0.0]) / system.time_step
+    )  # a delay is a pole at zero, which does not oscillate
     poles = poles[(poles.imag > 0.0) & (-poles.real < damping * np.abs(poles))]
     pairs = [(float(abs(pole) / (2 * np.pi)), float(-pole.real / abs(pole))) for pole in poles]
     return sorted(pair for pair in pairs if pair[0] < highest)

@@ -5,12 +5,14 @@ import os
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flapgym import cli
 from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.build import STAGES
 from flapgym.control import AGENT_NAMES
+from flapgym.state_space import delayed
 from flapgym.turbine import load_case
 
 
@@ -87,6 +89,12 @@ def test_info_says_what_the_shipped_model_holds(run):
     assert model.hash[:12] in out
     assert f"{model.turbine.order} states" in out
     assert re.search(r"0\.3\d\d Hz", out), "the first tower mode of the paper's Table 1, 0.32 Hz"
+
+
+def test_info_lists_the_modes_of_a_model_whose_inputs_act_late_as_those_of_one_whose_do_not():
+    turbine = load_model().turbine
+    ours, theirs = cli.lightly_damped(delayed(turbine)), cli.lightly_damped(turbine)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -92,13 +92,16 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         turbine = delayed(carried_on(turbine, case.rotor_speed * dt)) if late else turbine
     else:
         turbine, periodic = fourier_series(azimuth_steps(uneven, rotor, dt, late))
-        errors["harmonics left out"] = TOLERANCE
+        errors["harmonics left out, at most"] = TOLERANCE
     single = delayed(single) if late else single
     for name, system in (("turbine", turbine), ("blade", single)):
         radius = system.spectral_radius()
         if radius >= 1.0:
+            point = case.operating_point
             raise ValueError(
-                f"build_model: the {name} of case {case.name!r} is unstable (spectral radius {radius:.6f})"
+                f"operating_point: the {name} of case {case.name!r} is unstable (spectral radius {radius:.6f}) at "
+                f"{point.wind_speed:g} m/s, tip-speed ratio {point.tip_speed_ratio:g} and "
+                f"{np.degrees(point.pitch):g} deg of pitch; above rated wind the rotor keeps its speed and is pitched"
             )
     limits = case.flap
     model = TurbineModel(

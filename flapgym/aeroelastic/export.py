@@ -6,6 +6,7 @@ import io
 import os
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import scipy.io
 import scipy.signal
 
@@ -67,5 +68,9 @@ def save_mat(model: TurbineModel, path: str | os.PathLike[str]) -> None:
 
 
 def _struct(system: StateSpace) -> dict[str, Any]:
-    names = {"InputName": list(system.inputs), "OutputName": list(system.outputs)}
+    # As cell arrays: strings of one length, padded, are not what MATLAB takes for names.
+    names = {
+        "InputName": np.array(system.inputs, dtype=object),
+        "OutputName": np.array(system.outputs, dtype=object),
+    }
     return {"A": system.A, "B": system.B, "C": system.C, "D": system.D, "Ts": system.time_step, **names}

@@ -149,12 +149,14 @@ class TurbineModel:
         """In one line, whether the multi-blade form is constant, and if not why."""
         if self.periodic is None:
             return "time-invariant, blades alike"
-        each = {
-            name: ", ".join(f"{value:g}" for value in values)
+        degree = np.pi / 180.0
+        differ = "; ".join(
+            f"{name} {', '.join(f'{value:g}' for value in values)}"
+            if name != "pitch_offset"
+            else f"{name} {', '.join(f'{value / degree:g}' for value in values)} deg"
             for name, values in self.case["blades"].items()
             if len(set(values)) > 1
-        }
-        differ = "; ".join(f"{name} {values}" for name, values in each.items())
+        )
         return (
             f"periodic, since blades differ ({differ}): the mean over azimuth and "
             f"{self.periodic.harmonics} harmonics of rank {self.periodic.rank}"

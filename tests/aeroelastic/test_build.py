@@ -233,6 +233,14 @@ def test_above_rated_wind_with_its_pitch_builds_a_stable_model():
     assert max(errors.values()) < 0.2
 
 
+def test_strong_wind_without_pitch_is_refused_with_the_fields_to_change():
+    point = replace(CASE.operating_point, wind_speed=15.0)
+    with pytest.raises(
+        ValueError, match=r"operating_point: .*unstable.* at 15 m/s, .*0 deg of pitch; .*pitched"
+    ):
+        build_model(replace(coarse(), operating_point=point))
+
+
 def test_documented_stations_build_nearly_the_same_turbine(small):
     fine = build_model(coarse(blade_elements=48, first_lattice_node=11))
     ours, theirs = (m.turbine.dc_gain()[[0, 3]][:, [0, 6]] for m in (fine, small))

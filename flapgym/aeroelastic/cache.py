@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import sys
 import warnings
 from pathlib import Path
@@ -30,7 +31,7 @@ def cache_folder() -> Path:
 def cached_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     """The model of a case: from the cache, or built and put there.
 
-    A model is known by every value of its case but the names, by the versions of what builds models and by that of the
+    A model is known by its name and every value of its case, by the versions of what builds models and by that of the
     file format. Whoever asks first builds, others wait for it; a file that is damaged is built again, with a warning.
 
     Parameters
@@ -46,7 +47,9 @@ def cached_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     OSError
         If the cache folder cannot be written.
     """
-    path = cache_folder() / f"{case.name}-{_key(case)}.safetensors"
+    # A case may be named with what no file name takes, or with what leads out of the folder.
+    readable = re.sub(r"[^\w-]+", "_", case.name)
+    path = cache_folder() / f"{readable}-{_key(case)}.safetensors"
     if (model := _kept(path, case)) is not None:
         return model
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -62,6 +62,12 @@ def test_damaged_file_is_built_anew_with_a_word(kept):
     load_model(path)
 
 
+def test_a_name_that_leads_elsewhere_stays_in_the_folder(kept):
+    cached_model(replace(CASE, name="../my case/a"))
+    (path,) = cache_folder().glob("*.safetensors")
+    assert path.name.startswith("_my_case_a-")
+
+
 def _worker(folder, log, barrier):
     os.environ["FLAPGYM_CACHE_DIR"] = str(folder)
 

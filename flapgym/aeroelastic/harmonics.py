@@ -19,7 +19,7 @@ from flapgym.state_space import Array, StateSpace
 ComplexArray = NDArray[np.complex128]
 
 TOLERANCE = 1e-11
-"""Largest error of the series, over the largest entry of the same block of rows and columns after scaling."""
+"""Harmonics and directions below this are left out, over the largest entry of the scaled mean."""
 
 _FEW, _MOST = 32, 512  # azimuths sampled around the revolution
 

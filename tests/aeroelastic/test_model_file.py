@@ -7,6 +7,7 @@ import pytest
 import safetensors.numpy
 
 from flapgym.aeroelastic import builtin_models, load_model, save_model
+from flapgym.aeroelastic.record import READINGS
 
 
 def test_saved_model_is_loaded_as_it_was(tmp_path):
@@ -83,6 +84,13 @@ def test_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
         save_model(load_model(), path)
     assert path.read_text() == "old"
     assert [item.name for item in tmp_path.iterdir()] == ["model.safetensors"]
+
+
+@pytest.mark.parametrize("name", builtin_models())
+def test_shipped_models_tell_the_readings_and_the_flutter_of_the_code_beside_them(name):
+    record = load_model(name).record
+    assert record.readings == READINGS
+    assert record.flutter is not None
 
 
 def test_shipped_models_are_found_by_name():

@@ -24,6 +24,7 @@ from flapgym.structure.rotation import about_x
 from flapgym.turbulence import von_karman_filter
 
 PUBLISHED_INPUTS = (*(f"flap_acceleration_{b}" for b in (1, 2, 3)), "white")
+# Force and moment of the joint are those that hold the rotor; the tower feels them with the other sign.
 PUBLISHED_OUTPUTS = (
     *PERIODIC_OUTPUTS,
     *(f"hub_velocity_{axis}" for axis in "xyz"),
@@ -35,7 +36,7 @@ PUBLISHED_OUTPUTS = (
 
 @dataclass(frozen=True)
 class StateGroup:
-    """States of one kind: where they stand, their unit, and their largest stationary rms in that unit."""
+    """States of one kind: where they stand, their unit, and their size in it: the largest stationary rms, or stop."""
 
     name: str
     states: slice
@@ -106,7 +107,8 @@ class PublishedTurbine:
     def groups(self) -> tuple[StateGroup, ...]:
         """The states in order, in the paper's eq. 15 and after it, with their units and sizes in its turbulence.
 
-        Modal amplitudes are those of unit modal mass, hence their unit. The sizes are those at a frozen azimuth.
+        Modal amplitudes are those of unit modal mass, hence their unit. The sizes are the rms at a frozen azimuth,
+        flaps still; those of the flaps their stops.
         """
         units = ["-", "kg^1/2 m", "kg^1/2 m/s", "kg^1/2 m", "kg^1/2 m/s", "m/s, rad/s", "N, N m"]
         units += ["kg^1/2 m/s^2", "kg^1/2 m/s^2", "-", "rad, rad/s"]

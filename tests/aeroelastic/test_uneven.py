@@ -210,7 +210,8 @@ def test_heavy_blade_throws_the_tower_sideways_once_a_revolution(heavy):
     azimuth = CASE.rotor_speed * DT * np.arange(40 * steps)
     y = simulate_periodic(heavy.turbine, heavy.periodic, np.zeros((len(azimuth), 7)), azimuth)
     sway = y[-steps:, 7]
-    turning = 2.0 * np.abs(np.exp(-1j * azimuth[-steps:]) @ sway) / steps
+    amplitude = 2.0 * np.exp(-1j * azimuth[-steps:]) @ sway / steps
+    turning = np.abs(amplitude)
     assert turning == pytest.approx(np.sqrt(2.0) * sway.std(), rel=0.02)
     # Blade: 17,740 kg with its centre 20.475 m from the root. Tower: one mode at 0.316 Hz with the top mass and a
     # share of the tower's own.
@@ -218,6 +219,9 @@ def test_heavy_blade_throws_the_tower_sideways_once_a_revolution(heavy):
     own, natural = 2.0 * np.pi * 0.316, CASE.rotor_speed
     mass = 240e3 + 56.78e3 + 3 * 17.74e3 + 0.24 * 347.46e3
     assert turning == pytest.approx(force / mass / (own**2 - natural**2), rel=0.15)
+    # Slower than the tower, so towards the heavy blade: to the right, looking downwind, a quarter turn after its top.
+    towards = 2.0 * np.exp(-1j * azimuth[-steps:]) @ -np.sin(azimuth[-steps:] + 4.0 * np.pi / 3.0) / steps
+    assert abs(np.angle(amplitude / towards)) < np.radians(5.0)
 
 
 def test_unequal_blades_are_stable_by_floquet_and_agree_with_the_mean_where_they_hardly_differ(dead_flap):
@@ -235,6 +239,12 @@ def test_periodic_part_survives_the_file_and_says_why_it_is_there(tmp_path, dead
     assert "flap_effectiveness 1, 1, 0" in again.form
     ours, theirs = (system_at(m.turbine, m.periodic, 0.4) for m in (again, dead_flap))
     np.testing.assert_array_equal(ours.B, theirs.B)
+
+
+def test_pitches_that_differ_are_told_in_degrees(dead_flap):
+    blades = {**dead_flap.case["blades"], "pitch_offset": [0.0, 0.0, np.radians(0.3)]}
+    form = replace(dead_flap, case={**dead_flap.case, "blades": blades}).form
+    assert "pitch_offset 0, 0, 0.3 deg" in form
 
 
 def test_matlab_file_holds_the_part_that_turns(tmp_path, dead_flap):

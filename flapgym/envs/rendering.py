@@ -120,7 +120,7 @@ class Screen:
         )
         self._text(f"t {self._elapsed * self._period:6.2f} s", (20, 430), 20)
         if "azimuth" in now:
-            self._text(f"azimuth {np.rad2deg(now['azimuth']):5.0f} deg", (120, 430), 20)
+            self._text(f"azimuth {round(np.rad2deg(now['azimuth'])) % 360:5d} deg", (120, 430), 20)
         self._text(f"wind {self._model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
         for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
             self._text(f"flap {blade + 1}  {np.rad2deg(angle):+5.1f} deg", (20 + 92 * blade, 405), 16, colour)

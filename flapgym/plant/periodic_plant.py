@@ -148,10 +148,10 @@ class PeriodicPlant(SampledPlant):
         if start.realisation is not None:
             noise = np.stack([realisation_noise(int(seed), self.noise_count) for seed in start.realisation])
         if noise is not None:
-            first = noise[:, : self._constants.root.shape[1]] @ self._constants.root.T
-            wind = level[:, None] * filtered(
-                self._constants.shaping, first, noise[:, self._constants.root.shape[1] :]
-            )
+            known = self._constants.root.shape[1]
+            # One turbine after another: then a realisation is the same to the last bit, whoever else is reset with it.
+            first = np.stack([self._constants.root @ row for row in noise[:, :known]])
+            wind = level[:, None] * filtered(self._constants.shaping, first, noise[:, known:])
             state = level[:, None] * first[:, self._constants.shaping.order :]
         if start.gust is not None:
             wind, state = wind + start.gust.wind, state + start.gust.before * self._constants.under_wind
@@ -278,9 +278,11 @@ def steady_motion(mean: StateSpace, periodic: PeriodicPart, turn: float) -> NDAr
 
 def filtered(shaping: StateSpace, first: Array, white: Array) -> Array:
     """Wind (m, T) of a diagonal filter from its first states (m, n or more) and white noise (m, T)."""
-    decay, drive = np.diag(shaping.A), shaping.B[:, 0]
-    state, wind = first[:, : shaping.order].copy(), np.empty_like(white)
-    for sample in range(white.shape[1]):
-        wind[:, sample] = (state * shaping.C[0]).sum(axis=1)
-        state = state * decay + white[:, sample, None] * drive
-    return wind + shaping.D[0, 0] * white
+    from scipy.signal import lfilter  # half a second to import, and turbines of equal blades do without
+
+    wind = shaping.D[0, 0] * white
+    for mode, decay in enumerate(np.diag(shaping.A)):
+        # Of the state before each sample: x' = decay x + B w, read by C.
+        states, _ = lfilter([0.0, shaping.B[mode, 0]], [1.0, -decay], white, zi=first[:, mode : mode + 1])
+        wind += shaping.C[0, mode] * states
+    return np.asarray(wind)

@@ -163,3 +163,27 @@ def test_blades_that_differ_too_much_are_refused():
         PeriodicPlant(_uneven(1e3), 1, SETUP, TASK)
     with pytest.raises(ValueError, match="blades differ"):
         PeriodicPlant(synthetic_model(), 1, SETUP, TASK)
+
+
+def test_a_realisation_is_the_same_to_the_last_bit_whoever_is_reset_with_it():
+    together, alone = (PeriodicPlant(_uneven(1e-3), 5, SETUP, TASK) for _ in range(2))
+    start = _start(together, 5)
+    together.reset(np.arange(5), start)
+    for turbine in range(5):
+        own = [turbine]
+        single = Start(
+            azimuth=start.azimuth[own],
+            flap_angle=start.flap_angle[own],
+            flap_rate=start.flap_rate[own],
+            intensity=start.intensity[own],
+            noise=start.noise[own],
+        )
+        alone.reset(np.array(own), single)
+        alone.set_state(turbine, together.get_state(turbine))
+    given, rows = [], np.zeros(5 * ROW)
+    for plant in (together, alone):
+        observation = np.zeros(15, dtype=np.float32)
+        for _ in range(20):
+            plant.step(np.full(15, 0.3), observation, rows)
+        given.append(rows.copy())
+    np.testing.assert_array_equal(*given)

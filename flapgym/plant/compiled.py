@@ -496,8 +496,8 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
     row[REWARD] = row[REWARD_RBM] + row[REWARD_ANGLE] + row[REWARD_TOWER]
     own[OWN_ELAPSED] += 1.0
     turn = 2.0 * math.pi
-    azimuth = (own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]) % turn
-    row[AZIMUTH] = azimuth if azimuth < turn else 0.0
+    azimuth = own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]
+    row[AZIMUTH] = min(max(azimuth - turn * math.floor(azimuth / turn), 0.0), turn)
     _observe(t, elapsed + 1, state, row, observation)
     status = 0 if abs(row[REWARD]) < math.inf else 1
     return status | (2 if elapsed + 1 >= state[INTERVALS] else 0)

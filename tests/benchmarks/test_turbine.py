@@ -8,11 +8,13 @@ import pytest
 from benchmarks.turbine import bode
 from benchmarks.turbine.__main__ import main
 from benchmarks.turbine.accuracy import errors, reduced_against_full, signals
+from benchmarks.turbine.building import builds, sway
 from benchmarks.turbine.campbell import modes_at
 from benchmarks.turbine.speed import Subject, assembled, seconds_per_step
 from benchmarks.turbine.study import Study, with_modes, with_tower
 from benchmarks.turbine.tips import TIPS, exact_rms, simulate_tips
 from flapgym.aeroelastic import load_model
+from flapgym.aeroelastic.build import build_model
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import periodic_model
 from flapgym.turbine import load_case
@@ -132,3 +134,18 @@ def test_unknown_part_is_named_before_any_work(capsys):
     with pytest.raises(SystemExit):
         main(["figure12"])
     assert "figure12" in capsys.readouterr().err
+
+
+def test_a_heavy_blade_built_in_a_process_of_its_own_is_the_same_model_and_throws_the_tower_sideways(study):
+    case = study.case
+    blades = replace(case.blades, mass_factor=(1.0, 1.0, 1.02))
+    grid = replace(case.discretisation, chordwise_panels=2, time_step=0.02)
+    reduction = replace(case.reduction, blade_modes=3, tower_modes=4, aerodynamic_states=6)
+    case = replace(case, blades=blades, discretisation=grid, reduction=reduction)
+    (of,) = builds([case])
+    assert of.model.hash == build_model(case).hash
+    assert of.model.record.flutter is not None
+    assert of.seconds > 0.0
+    assert 0.05 < of.memory < 2.0
+    downwind, sideways = sway(of.model)
+    assert 0.0 < downwind < sideways

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import tempfile
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -92,7 +94,10 @@ def stepper(subject: Subject) -> Callable[[], Any]:
     if subject.how == "envpool":
         return _envpool(subject)
     if subject.how == "single":
-        return _single(gymnasium.make(subject.name, **keywords))
+        # MuJoCo leaves a log of its warnings wherever it is started.
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+            single = gymnasium.make(subject.name, **keywords)
+        return _single(single)
     mode = "vector_entry_point" if subject.how == "native" else "sync"
     env = gymnasium.make_vec(subject.name, subject.count, vectorization_mode=mode, **keywords)
     env.reset(seed=0)

@@ -81,7 +81,8 @@ ENVIRONMENTS = (
         "flapgym/NREL5MWHeavyBlade-v0",
         "The turbine with blade 1 heavier by 5 %, as ice can make it. The rotor is out of balance: the model follows "
         "the azimuth, and in still air the tower top moves 26 mm to either side once a revolution, the root moments "
-        "hardly.",
+        "hardly. It is stepped sample by sample in numpy, whatever `kernel` and `precision` say, at about a hundredth "
+        "of the others' speed.",
         {"model": "nrel5mw-heavy-blade"},
     ),
 )

@@ -1,6 +1,6 @@
 """What models of other cases are like and what they cost: `python -m benchmarks.turbine.building [PART ...]`.
 
-Prints the tables of docs/turbine.md on unequal blades, flutter and building in Markdown. Every case is built in a
+Prints what docs/turbine.md says of forms, unequal blades, flutter and building in Markdown. Every case is built in a
 process of its own, so that processor time and memory are its alone. All parts take some five minutes on an idle core.
 For one core: OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1.
 """
@@ -21,11 +21,16 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.aerodynamics import table
-from flapgym.aeroelastic import TurbineModel, save_model
+from benchmarks.turbine.accuracy import AZIMUTH, OUTPUTS, STEPS, errors, on_blades, signals, time_invariant
+from benchmarks.turbine.study import Study
+from flapgym.aeroelastic import TurbineModel, load_model, save_model
 from flapgym.aeroelastic.build import build_model
+from flapgym.aeroelastic.compact import compact_model
+from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.floquet import floquet_multipliers
 from flapgym.aeroelastic.flutter import find_flutter
 from flapgym.aeroelastic.harmonics import simulate_periodic
+from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.state_space import Array
 from flapgym.turbine import Case, load_case
 from flapgym.turbine.units import DEGREE
@@ -163,7 +168,37 @@ def building() -> None:
     table("Building", ["case", "CPU", "memory", "root moment per m/s, per deg of flap [MN m]"], rows)
 
 
-PARTS = {"uneven": uneven, "flutter": flutter, "building": building}
+def newmark_gap(study: Study, steps: int) -> dict[str, list[float]]:
+    """Rms difference by input of the time-invariant form from A(theta) at its exact azimuths, over rms, by output."""
+    still, equations, lattice = time_invariant(study), periodic_equations(study.parts), study.seen(0.0)
+    dt, speed = study.time_step, study.case.rotor_speed
+    inputs = signals(study, steps)
+    x = {name: np.zeros(still.order) for name in inputs}
+    y = {name: np.empty((steps, len(still.outputs))) for name in inputs}
+    for n in range(steps):
+        A, B, C, D = step_matrices(equations, lattice, dt, AZIMUTH + n * speed * dt, speed * dt)
+        for name, u in inputs.items():
+            y[name][n] = C @ x[name] + D @ u[n]
+            x[name] = A @ x[name] + B @ u[n]
+    return {name: errors(on_blades(still, u, speed), y[name]) for name, u in inputs.items()}
+
+
+def forms() -> None:
+    """What Newmark's rule in other coordinates and a second reduction change."""
+    study = Study(CASE)
+    rows = [
+        [name, *(f"{100.0 * error:.4f}" for error in gap)] for name, gap in newmark_gap(study, STEPS).items()
+    ]
+    table("Time-invariant form against A(theta) at exact azimuths, rms [%]", ["inputs", *OUTPUTS], rows)
+    model, rows = load_model(), []
+    for tolerance in (0.01, 0.001):
+        small = compact_model(model, tolerance)
+        error = small.record.errors["turbine reduced as a whole"]
+        rows.append([f"{tolerance:.1%}", f"{small.turbine.order}", f"{error:.3%}"])
+    table("Reduced once more as a whole", ["tolerance", "states", "worst output's error"], rows)
+
+
+PARTS = {"forms": forms, "uneven": uneven, "flutter": flutter, "building": building}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

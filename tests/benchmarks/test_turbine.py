@@ -8,7 +8,7 @@ import pytest
 from benchmarks.turbine import bode
 from benchmarks.turbine.__main__ import main
 from benchmarks.turbine.accuracy import errors, reduced_against_full, signals
-from benchmarks.turbine.building import builds, sway
+from benchmarks.turbine.building import builds, newmark_gap, sway
 from benchmarks.turbine.campbell import modes_at
 from benchmarks.turbine.speed import Subject, assembled, seconds_per_step
 from benchmarks.turbine.study import Study, with_modes, with_tower
@@ -149,3 +149,8 @@ def test_a_heavy_blade_built_in_a_process_of_its_own_is_the_same_model_and_throw
     assert 0.05 < of.memory < 2.0
     downwind, sideways = sway(of.model)
     assert 0.0 < downwind < sideways
+
+
+def test_gap_of_newmark_s_rule_in_two_coordinates_is_small_but_there(study):
+    for gap in newmark_gap(study, 150).values():
+        assert 0.0 < max(gap) < 0.01

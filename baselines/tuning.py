@@ -81,6 +81,11 @@ class Bench:
     advanced: Callable[[str], None]
     plant: StateSpace | None = None
 
+    @property
+    def seeds(self) -> range:
+        """Of the realisations."""
+        return range(self.tuning.seed, self.tuning.seed + self.tuning.realisations)
+
     def measure(self, agent: LinearController, free: bool = False) -> Metrics:
         """Metrics on the tuning realisations; `free` takes the stops of angle and rate out of the way."""
         self.advanced(agent.name)
@@ -91,8 +96,7 @@ class Bench:
                 flap_angle_limit=FREE * model.flap_angle_limit,
                 flap_rate_limit=FREE * model.flap_rate_limit,
             )
-        first = self.tuning.seed
-        return measure(simulate(agent, model, range(first, first + self.tuning.realisations), self.duration))
+        return measure(simulate(agent, model, self.seeds, self.duration))
 
     def stroke(self, agent: LinearController) -> float:
         """Largest use of the stops the controller would make: of the angle's or of the rate's, whichever is more."""

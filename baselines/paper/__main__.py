@@ -46,7 +46,15 @@ from flapgym.turbine import load_case
 
 TITLE = "Load alleviation on the NREL 5 MW turbine: Section IV of the paper beside ours"
 REALISATIONS = 50
-ROBUST = ("lqg", "lqg_cautious", "lqg_unfiltered", "lqg_multiblade", "pd", "lqg_saturating")
+ROBUST = (
+    "lqg",
+    "lqg_cautious",
+    "lqg_moving_root",
+    "lqg_unfiltered",
+    "lqg_multiblade",
+    "pd",
+    "lqg_saturating",
+)
 BESIDE = {
     "pid": "PID, same rule",
     "individual_flap": "collective, tilt and yaw PID",

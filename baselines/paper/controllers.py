@@ -241,12 +241,12 @@ class Controllers:
         raise ValueError(f"controllers: no design called {name}")
 
 
-def swaying_wind(model: TurbineModel, share: float = 1.0) -> StateSpace:
-    """Turbulence and, independent of it, the root's motion at `share` times the hub's own rms."""
+def swaying_wind(model: TurbineModel) -> StateSpace:
+    """Turbulence and, independent of it, the root's motion at the hub's own rms."""
     wind = von_karman_filter(
         model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
     )
-    velocity = share * 2.0 * np.pi * SWAY_FREQUENCY * stationary_rms(model)["tower_fore_aft"]
+    velocity = 2.0 * np.pi * SWAY_FREQUENCY * stationary_rms(model)["tower_fore_aft"]
     sway = hub_sway(SWAY_FREQUENCY, SWAY_DAMPING, velocity, model.time_step)
     joined = {key: block_diag(getattr(wind, key), getattr(sway, key)) for key in "ABCD"}
     return StateSpace(

@@ -1,8 +1,9 @@
 """The least mean square of the root bending moment that any flap motion within its stops can have (non-causal).
 
 The whole wind is known, so one convex programme gives the motion: least squares of the moment over the realisation,
-states kept as variables, angle, rate and acceleration bounded. No controller, causal or not, does better in that mean
-square with the same response; the solver's duality gap says how near the solution is.
+states kept as variables, angle, rate and acceleration bounded. No controller, causal or not, whose acceleration is held
+over the same steps does better in that mean square with the same response; the duality gap says how near the solution
+is, and at `HOLD` stands what shorter steps are worth.
 """
 
 from __future__ import annotations

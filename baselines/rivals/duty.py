@@ -25,7 +25,7 @@ from flapgym.evaluation import Record, root_mean_square
 from flapgym.state_space import Array, StateSpace
 
 CALM = Weights(rbm=0.5, flap_angle=1.0, acceleration=3.6, measurement_noise=0.1)
-"""An LQG that weighs the flap's acceleration a thousand times as heavily as the shipped one."""
+"""An LQG that weighs acceleration a thousand times as heavily as the shipped one and expects 10 % of noise."""
 
 AT_STOP = 0.999
 """Share of the largest angle from which a flap counts as at its stop."""

@@ -12,7 +12,7 @@ from flapgym.evaluation import paired_change
 from flapgym.state_space import Array
 
 CHANGES = {"rbm_rms": "RBM rms", "tip_rms": "tip rms", "rbm_del": "RBM DEL", "tower_rms": "tower rms"}
-EQUAL = ("LQG", "PD", "PID", "LQG, acceleration weighed 1000 times")
+EQUAL = ("LQG", "PD", "PID", "LQG, acceleration weighed 1000 times, 10 % noise expected")
 
 
 def rivals_section(study: Study) -> Section:
@@ -57,8 +57,8 @@ def rivals_section(study: Study) -> Section:
             f"{np.median(spent):.0f} microseconds (median), {np.percentile(spent, 99):.0f} (99 of 100), "
             f"{spent.max():.0f} (most), on one core, of 7 ms.",
             "Actuator duty at the load of that LQG: gains of PD and PID, and the weight on the moment of an LQG that "
-            "weighs acceleration a thousand times as heavily, brought to its rms moment, by Lyapunov equations (stops "
-            "left out).",
+            "weighs acceleration a thousand times as heavily and expects 10 % of noise, brought to its rms moment, by "
+            "Lyapunov equations (stops left out).",
             _equal_load(study.equal_load()),
         ),
     )

@@ -152,13 +152,6 @@ def test_the_filter_is_inverted():
     np.testing.assert_allclose(from_output @ output + from_state @ start, white[:, 0], atol=1e-9)
 
 
-def test_preview_of_nothing_is_no_preview():
-    plain = PredictiveController("mpc", MODEL, FIERCE)
-    none = PredictiveController("mpc", MODEL, FIERCE, preview=0)
-    observation = np.random.default_rng(0).standard_normal((4, 9)).astype(np.float32) * 0.1
-    np.testing.assert_array_equal(none.predict(observation)[0], plain.predict(observation)[0])
-
-
 def test_preview_of_the_wind_that_is_expected_anyway_changes_nothing():
     """The first sample tells the observer nothing new either, so a second step is the same too."""
     plain, told = (PredictiveController("mpc", MODEL, FIERCE, preview) for preview in (0, 30))

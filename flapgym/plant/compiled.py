@@ -201,6 +201,11 @@ def _advance(actions, real, state, pool, samples, observation, rows):  # type: i
         return OUTDATED
     if actions.size != n * int(state[BLADE_COUNT]):
         return -1
+    # Beyond the end of an array lies somebody else's memory.
+    if observation.size != n * int(state[OBSERVED]) or rows.size != n * ROW:
+        return -1
+    if samples.size != 0 and samples.size != n * k * SAMPLE:
+        return -1
     for i in range(actions.size):
         if not abs(actions[i]) < math.inf:
             return -2 - i

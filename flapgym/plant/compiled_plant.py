@@ -263,9 +263,14 @@ class CompiledPlant:
         kind = actions.dtype if actions.__class__ is np.ndarray and actions.ndim == 1 else None
         if kind is not FLOAT32 and kind is not FLOAT64:
             raise TypeError("actions: expected a flat array of floats")
+        filled = (observation, rows) if samples is None else (observation, rows, samples)
+        if not all(array.flags.c_contiguous for array in filled):
+            raise TypeError("observation, rows, samples: expected contiguous arrays")
         take = self._take_single if kind is FLOAT32 else self._take_double
         if samples is None:
             return take(self._address, actions, observation, rows)
+        if samples.dtype != FLOAT64:
+            raise TypeError(f"samples: expected float64, got {samples.dtype}")
         self._handle[-2:] = samples.ctypes.data, samples.size
         try:
             return take(self._address, actions, observation, rows)

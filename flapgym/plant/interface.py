@@ -236,12 +236,13 @@ class Plant(Protocol):
         -------
         int
             Bit 0: some turbine's reward is not finite. Bit 1: some turbine's episode is over. Negative, with
-            everything untouched: -1 for a wrong number of actions, -2 - i if action i is not finite.
+            everything untouched: -1 for a wrong number of actions or of places to fill, -2 - i if action i is not
+            finite.
 
         Raises
         ------
         TypeError
-            If the actions are no flat, contiguous array of floats.
+            If the actions are no flat array of floats, or what is to be filled has another type or gaps.
         """
         ...
 

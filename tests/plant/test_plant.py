@@ -254,6 +254,29 @@ def test_bad_actions_are_told_by_place_and_change_nothing(kernel, count):
     assert [plant.get_state(turbine) for turbine in range(count)] == before
 
 
+@pytest.mark.parametrize("count", [2, 17])
+def test_compiled_code_writes_nowhere_but_where_it_has_room(count):
+    plant = plant_of(count, 5, 30, kernel="numba", every_sample=True)
+    plant.reset(np.arange(count), start_of(plant))
+    actions, before = np.zeros(3 * count), plant.get_state(0)
+    room = {
+        "observation": np.full(6 * count, 7.0, np.float32),
+        "rows": np.full(2 * count * layout.ROW, 7.0),
+        "samples": np.full(10 * count * layout.SAMPLE, 7.0),
+    }
+    fits = {name: array[: array.size // 2] for name, array in room.items()}
+    for name, array in room.items():
+        for wrong in (array[: array.size // 2 - 1], array):
+            assert plant.step(actions, **(fits | {name: wrong})) == -1
+        for wrong in (array[::2], array[::-1][: array.size // 2], fits[name].astype(np.float16)):
+            with pytest.raises(TypeError):
+                plant.step(actions, **(fits | {name: wrong}))
+    assert all((array == 7.0).all() for array in room.values())
+    assert plant.get_state(0) == before
+    assert plant.step(actions, **fits) == 0
+    assert all((array[array.size // 2 :] == 7.0).all() for array in room.values())
+
+
 def test_plants_of_a_process_share_a_pool_whose_members_are_the_realisations_of_seeds():
     one, other = (plant_of(2, 5, 20, pool=4) for _ in range(2))
     assert one._responses.rows is other._responses.rows

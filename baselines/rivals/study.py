@@ -154,7 +154,7 @@ class Study:
         return self.cache.arrays("equal-load", {"noises": NOISES, "weights": asdict(weights)}, make)["found"]
 
     def solve_times(self) -> Array:
-        """Seconds by the clock of each constrained optimum of predictive control on a minute of wind, solver and call."""
+        """Seconds by the clock of each constrained optimum of predictive control on a minute of wind, with its call."""
 
         def make() -> dict[str, Array]:
             agent = PredictiveController("mpc", self.model, shipped_weights("lqg_saturating"))

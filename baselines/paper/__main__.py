@@ -20,12 +20,12 @@ from tqdm import tqdm
 from baselines.paper.aerodynamics_sections import figure_8, figure_12
 from baselines.paper.cache import Cache
 from baselines.paper.control_sections import LABELS, gust_alleviation, robustness
-from baselines.paper.controllers import VARIANTS, Controllers, Plants
+from baselines.paper.controllers import VARIANTS, Controllers, Plants, loaded
 from baselines.paper.document import Section, Table, as_html, as_markdown, summary
 from baselines.paper.effects import effects_of, effects_section, measure_effects
 from baselines.paper.models import VARIATIONS, built, unscaled_flap
 from baselines.paper.readings import reading, readings_section
-from baselines.paper.robustness import sensitivity
+from baselines.paper.robustness import margins, sensitivity
 from baselines.paper.scores import Trial, first, measured, metrics_of, score
 from baselines.paper.structure_sections import figure_9, table_1, table_2
 from baselines.paper.trials import AGENTS, SHARE, conditions, outcome, trials_section
@@ -63,6 +63,8 @@ BESIDE = {
     "sac": "SAC, trained",
 }
 """Shipped agents beside those of Section IV.C, and what tables call them."""
+LINEAR = ("pid", "individual_flap", "lqg_multiblade_saturating")
+"""Those of them whose loops have margins."""
 QUICK = {"lqg", "lqg_unfiltered_same", "pd"}
 """Controllers of a quick run: none of them is tuned or needs the turbine's parts."""
 QUICK_DURATION = 20.0
@@ -180,7 +182,9 @@ class Study:
         found = {
             agent.name: sensitivity(agent, self.model, others, self.cache, self.told) for agent in agents
         }
-        return robustness(found, tuple(others))
+        linear = [] if self.quick else [loaded(name, self.model) for name in LINEAR]
+        beside = {BESIDE[agent.name]: margins(agent, self.model, self.cache) for agent in linear}
+        return robustness(found, tuple(others), beside)
 
     def table1(self) -> Section:
         """Natural frequencies."""

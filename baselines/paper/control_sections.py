@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -144,8 +144,12 @@ def _sentences(scores: dict[str, Score], base: Score) -> list[str]:
     return lines
 
 
-def robustness(found: dict[str, tuple[Array, Array]], others: Sequence[str] = ()) -> Section:
-    """Loads off the design conditions and on `others`, turbines by name; and margins."""
+def robustness(
+    found: dict[str, tuple[Array, Array]],
+    others: Sequence[str] = (),
+    beside: Mapping[str, Array] | None = None,
+) -> Section:
+    """Loads off the design conditions and on `others`, turbines by name; margins, too, of those `beside` by label."""
     names = list(found)
     rows = []
     for index, condition in enumerate((*CONDITIONS, *others)):
@@ -158,9 +162,10 @@ def robustness(found: dict[str, tuple[Array, Array]], others: Sequence[str] = ()
                 else f"{100 * moment:+.1f} / {100 * tip:+.1f} / {np.rad2deg(flap):.2f}"
             )
         rows.append((condition, *cells))
+    told = {LABELS[name]: values for name, (_, values) in found.items()} | dict(beside or {})
     margins = tuple(
-        (LABELS[name], *("no bound" if np.isinf(value) else f"{value:.3g}" for value in values))
-        for name, (_, values) in found.items()
+        (label, *("no bound" if np.isinf(value) else f"{value:.3g}" for value in values))
+        for label, values in told.items()
     )
     return Section(
         "Robustness",

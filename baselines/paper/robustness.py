@@ -64,7 +64,17 @@ def sensitivity(
         columns += [_change(other, agent, 0) for other in others.values()]
         return {"changes": np.array(columns).T}
 
-    def margins() -> dict[str, Array]:
+    turbines = {"others": [other.hash for other in others.values()]}
+    found = cache.arrays(f"sensitivity-{agent.name}", mark | turbines, changes)["changes"]
+    advanced(agent.name)
+    return found, margins(agent, model, cache)
+
+
+def margins(agent: LinearController, model: TurbineModel, cache: Cache) -> Array:
+    """``MARGINS`` of the full closed loop (6,), in their order; infinite without bound."""
+    system = agent.system
+
+    def make() -> dict[str, Array]:
         disk = disk_margin(model, system)
         found = [
             disk.alpha,
@@ -76,10 +86,8 @@ def sensitivity(
         ]
         return {"margins": np.array(found)}
 
-    turbines = {"others": [other.hash for other in others.values()]}
-    found = cache.arrays(f"sensitivity-{agent.name}", mark | turbines, changes)["changes"]
-    advanced(agent.name)
-    return found, cache.arrays(f"margins-{agent.name}", mark, margins)["margins"]
+    mark = {"agent": fingerprint(system.A, system.B, system.C, system.D)}
+    return cache.arrays(f"margins-{agent.name}", mark, make)["margins"]
 
 
 def growth(loop: StateSpace) -> tuple[float, float] | None:

@@ -9,7 +9,7 @@ import pytest
 from baselines.paper import __main__ as program
 from baselines.paper import scores
 from baselines.paper.cache import Cache
-from baselines.paper.control_sections import gust_alleviation, more, robustness
+from baselines.paper.control_sections import LABELS, gust_alleviation, more, robustness
 from baselines.paper.controllers import Plants, swaying_wind
 from baselines.paper.document import Section, Table, as_html, as_markdown, from_markdown, summary
 from baselines.paper.readings import Reading, readings_section
@@ -141,6 +141,9 @@ def test_robustness_at_the_design_point_is_the_loops_own_rms(tmp_path):
     weak, strong = (changes[0, CONDITIONS.index(f"flap x {factor}")] for factor in ("0.7", "1.3"))
     assert strong < expected < weak < 0.0
     assert closed_loop(MODEL, agent.system, 0.99 * margins[4]).spectral_radius() < 1.0
+    beside = robustness({"lqg": (changes, margins)}, tuple(heavy), {"PID": margins}).content[-1]
+    assert [row[0] for row in beside.rows] == [LABELS["lqg"], "PID"]
+    assert beside.rows[0][1:] == beside.rows[1][1:]
 
 
 def test_a_model_of_other_inputs_than_the_case_is_refused(tmp_path):

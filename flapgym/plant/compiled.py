@@ -1,8 +1,8 @@
 """The step of one or many turbines as compiled code: flap actuators, modes, loads, reward and observation in one call.
 
-Superposition (flapgym.plant.responses): the flaps' response is stepped by modes, the wind's is read from a table. Turbines
-of a batch lie innermost, in blocks; a few turbines are stepped one after another with the modes innermost. All but
-the modes is the same code for both. flapgym.plant.sampled does the same with numpy; the layout is
+Superposition (flapgym.plant.responses): the flaps' response is stepped by modes, the wind's is read from a table.
+Turbines of a batch lie innermost, in blocks; a few turbines are stepped one after another with the modes
+innermost. All but the modes is the same code for both. flapgym.plant.sampled does the same with numpy; the layout is
 flapgym.plant.layout.
 
 Loops that a vector unit shall take run over slices of constant strides: only then does the compiler see that nothing

@@ -34,7 +34,8 @@ TURBINE = {
     "figure11": (
         figure11,
         "tips of the three turning blades in one homogeneous gust",
-        "Agrees: the tips differ slightly, by azimuth; the tower makes the difference.",
+        "Agrees: the tips differ slightly, by azimuth; the tower makes the difference. Disagrees: ours swing down "
+        "nearly as far as up, which a gust without a mean makes them do; the paper shows a realisation of its own.",
     ),
     "figure13": (
         figure13,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import BLADES
-from flapgym.envs.observation import bound_of, task_of
+from flapgym.envs.observation import DISPLACEMENTS, bound_of, task_of
 from flapgym.envs.settings import Settings
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.delayed import DelayedPlant
@@ -38,9 +38,13 @@ class Fleet:
         Number of turbines n.
     single_blade : bool
         The clamped single blade in place of each turbine.
+    full_info : bool
+        Whether tip deflection and tower are told beside what is observed.
     """
 
-    def __init__(self, settings: Settings, count: int, single_blade: bool = False) -> None:
+    def __init__(
+        self, settings: Settings, count: int, single_blade: bool = False, full_info: bool = True
+    ) -> None:
         self.settings, self.count = settings, count
         self.model = settings.turbine_model()
         if single_blade:
@@ -54,6 +58,7 @@ class Fleet:
             every_sample=settings.record_samples
             or settings.tower_weight > 0.0
             or settings.sensor_delay > 0.0,
+            displacements=full_info or not DISPLACEMENTS.isdisjoint(settings.observe),
             faults=settings.faults(self.model),
             single_blade=single_blade,
             precision=settings.precision,

@@ -93,6 +93,8 @@ QUANTITIES: dict[str, Quantity] = {
     "wind": Quantity((layout.WIND,), "m/s", "wind perturbation along the shaft", lambda model: 50.0),
 }
 """Everything observable. Perturbations about the steady equilibrium, except flap and azimuth."""
+DISPLACEMENTS = frozenset(("tip_deflection", "tower_top"))
+"""Those a plant gives only if its setup asks for displacements."""
 
 
 def task_of(

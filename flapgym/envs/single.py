@@ -164,7 +164,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {render_mode!r}')
         self.render_mode = render_mode
         self.settings = Settings.of(keywords)
-        self._fleet = Fleet(self.settings, 1, self.single_blade)
+        self._fleet = Fleet(self.settings, 1, self.single_blade, self.settings.full_info)
         self.observation_space = self._fleet.observation_space
         self.action_space = self._fleet.action_space
         self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._frame_period())}
@@ -207,10 +207,11 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("step: no episode is running; call reset first")
         observation, row = empty(self._observed, FLOAT32), empty(ROW)
         if action.__class__ is ndarray and action.dtype is FLOAT32 and action.ndim == 1 and not self._room:
-            status = self._quick(action, observation, row)
+            status, reward, wind, azimuth = self._quick(action, observation, row)
         else:
             action = numbers(action, (BLADES,))
             status = self._plant.step(action, observation, row, *self._room)
+            reward, wind, azimuth = row.item(REWARD), row.item(WIND), row.item(AZIMUTH)
         if status:
             if status < 0:
                 raise refusal(numbers(action, (BLADES,)), status, BLADES)
@@ -219,12 +220,12 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "rbm": row[RBM],
             "flap_angle": row[ANGLE],
             "flap_rate": row[RATE],
-            "wind_perturbation": row.item(WIND),
-            "azimuth": row.item(AZIMUTH),
+            "wind_perturbation": wind,
+            "azimuth": azimuth,
         }
         if self._more:
             self._tell_more(info, row)
-        return observation, row.item(REWARD), status & 1 != 0, status & 2 != 0, info
+        return observation, reward, status & 1 != 0, status & 2 != 0, info
 
     def get_state(self) -> dict[str, Any]:
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""

@@ -29,6 +29,7 @@ from flapgym.plant.layout import (
     COSINE_TURN,
     COUNT,
     DIRECT,
+    DISPLACED,
     DRIVE,
     EDITION,
     EFFECTIVENESS,
@@ -164,8 +165,8 @@ def advance_double(address, actions, observation, rows):  # type: ignore[no-unty
 
     Returns
     -------
-    int
-        As flapgym.plant.interface.Plant.step.
+    int, float, float, float
+        As flapgym.plant.interface.Quick.
     """
     widest_vectors()
     handle = carray(_integers(address), (8,))
@@ -175,7 +176,8 @@ def advance_double(address, actions, observation, rows):  # type: ignore[no-unty
     samples = carray(_doubles(handle[6]), (handle[7],))
     seen = carray(_singles(observation.ctypes.data), (observation.size,))
     row = carray(_doubles(rows.ctypes.data), (rows.size,))
-    return _advance(actions, real, state, pool, samples, seen, row)
+    status = _advance(actions, real, state, pool, samples, seen, row)
+    return _told(status, row)
 
 
 @njit(**OPTIONS)
@@ -189,7 +191,16 @@ def advance_single(address, actions, observation, rows):  # type: ignore[no-unty
     samples = carray(_doubles(handle[6]), (handle[7],))
     seen = carray(_singles(observation.ctypes.data), (observation.size,))
     row = carray(_doubles(rows.ctypes.data), (rows.size,))
-    return _advance(actions, real, state, pool, samples, seen, row)
+    status = _advance(actions, real, state, pool, samples, seen, row)
+    return _told(status, row)
+
+
+@njit(**OPTIONS)
+def _told(status, row):  # type: ignore[no-untyped-def]
+    """What of the first row every step of an environment tells: an array's numbers are dear to ask for one by one."""
+    if row.size < ROW:
+        return status, 0.0, 0.0, 0.0
+    return status, row[REWARD], row[WIND], row[AZIMUTH]
 
 
 @njit(**OPTIONS)
@@ -209,7 +220,7 @@ def _advance(actions, real, state, pool, samples, observation, rows):  # type: i
     for i in range(actions.size):
         if not abs(actions[i]) < math.inf:
             return -2 - i
-    every = state[EVERY] != 0.0
+    every, displaced = state[EVERY] != 0.0, state[DISPLACED] != 0.0
     records = HEAD + ENTRY * int(state[OBSERVED])
     constants = real[: groups * GROUP_SIZE]
     status = 0
@@ -223,9 +234,8 @@ def _advance(actions, real, state, pool, samples, observation, rows):  # type: i
         for t in range(n):
             own = state[records + t * OWN : records + (t + 1) * OWN]
             _move(t, 0, 1, actions, state, own, inputs, rows, samples)
-            _modes_of_one(
-                k, every, modes_count, constants, modes[t * size : (t + 1) * size], inputs, sums, outputs
-            )
+            own_modes = modes[t * size : (t + 1) * size]
+            _modes_of_one(k, every, displaced, modes_count, constants, own_modes, inputs, sums, outputs)
             status |= _read(t, 0, 1, state, own, inputs, outputs, pool, observation, rows, samples)
         return status
     size = groups * GROUP * PAIR
@@ -325,7 +335,7 @@ def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type:
 
 
 @njit(**OPTIONS)
-def _modes_of_one(k, every, count, constants, modes, inputs, sums, outputs):  # type: ignore[no-untyped-def]
+def _modes_of_one(k, every, displaced, count, constants, modes, inputs, sums, outputs):  # type: ignore[no-untyped-def]
     """Modes of one turbine over the interval: outputs at samples 1 to k, without the feedthrough."""
     widest_vectors()
     sums[: k * 8 * GROUP] = 0.0
@@ -362,7 +372,7 @@ def _modes_of_one(k, every, count, constants, modes, inputs, sums, outputs):  # 
                 y[i] += c[i + READ * GROUP] * real + c[i + (READ + 1) * GROUP] * imag
                 y[i + GROUP] += c[i + (READ + 2) * GROUP] * real + c[i + (READ + 3) * GROUP] * imag
                 y[i + 2 * GROUP] += c[i + (READ + 4) * GROUP] * real + c[i + (READ + 5) * GROUP] * imag
-            if every or j == k - 1:
+            if every or (displaced and j == k - 1):
                 for i in range(GROUP):
                     real, imag = z[i], z[i + GROUP]
                     for o in range(5):
@@ -371,7 +381,7 @@ def _modes_of_one(k, every, count, constants, modes, inputs, sums, outputs):  # 
                             + c[i + (READ_LAST + 2 * o + 1) * GROUP] * imag
                         )
     for j in range(k):
-        for o in range(8 if every or j == k - 1 else 3):
+        for o in range(8 if every or (displaced and j == k - 1) else 3):
             y = sums[(8 * j + o) * GROUP : (8 * j + o + 1) * GROUP]
             total = y[0]
             for i in range(1, GROUP):
@@ -432,7 +442,7 @@ def _modes_of_block(lanes, k, every, count, constants, modes, inputs, outputs): 
 def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows, samples):  # type: ignore[no-untyped-def]
     """Loads, reward and observation of turbine t; its clock goes on."""
     k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
-    every, record = state[EVERY] != 0.0, samples.size > 0
+    every, displaced, record = state[EVERY] != 0.0, state[DISPLACED] != 0.0, samples.size > 0
     level, elapsed = own[OWN_LEVEL], int(own[OWN_ELAPSED])
     direct = state[DIRECT : DIRECT + 8 * FLAP_INPUTS]
     width = 9 * k if every else 3 * k + 6
@@ -442,6 +452,10 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
     cosine, sine = row[COSINE], row[SINE]
     for b in range(3):
         row[MEAN_SQUARE + b] = 0.0
+    if not displaced:
+        for column in range(3):
+            row[TIP + column] = math.nan
+        row[TOWER], row[TOWER + 1] = math.nan, math.nan
     fore_aft = 0.0
     y0, y1, y2 = 0.0, 0.0, 0.0
     for j in range(1, k + 1):
@@ -449,7 +463,7 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
             cosine * state[COSINE_TURN] - sine * state[SINE_TURN],
             sine * state[COSINE_TURN] + cosine * state[SINE_TURN],
         )
-        last = every or j == k
+        last = every or (displaced and j == k)
         for quantity in range(2 if last else 1):
             start = 3 * (j - 1) if quantity == 0 else 3 * k + (3 * (j - 1) if every else 0)
             for c in range(3):
@@ -483,8 +497,9 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
                 for i in range(FLAP_INPUTS):
                     value += direct[(6 + c) * FLAP_INPUTS + i] * inputs[(j * FLAP_INPUTS + i) * stride + lane]
                 row[TOWER + c] = value + level * wind[start + c]
-            row[WIND] = level * wind[start + 2]
             fore_aft += row[TOWER] ** 2
+        if every or j == k:
+            row[WIND] = level * wind[(6 * k + 3 * (j - 1) if every else 3 * k + 3) + 2]
         if record:
             sample = samples[(t * k + j - 1) * SAMPLE : (t * k + j) * SAMPLE]
             for b in range(3):

@@ -42,6 +42,7 @@ class _Announce(event.Listener):
         """Nothing to say."""
 
 
+RETURNED = types.Tuple((types.int64, types.float64, types.float64, types.float64))
 NO_SAMPLES = np.empty((0, 0, 0))
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 
@@ -79,7 +80,7 @@ def load_kernel(precision: str, afresh: bool = False) -> tuple[Any, Any]:
         )
         if arguments not in function.overloads:
             with event.install_listener("numba:compile", announce):
-                function.compile(types.int64(*arguments))
+                function.compile(RETURNED(*arguments))
         entries.append(function.overloads[arguments].entry_point)
     return entries[0], entries[1]
 
@@ -111,7 +112,7 @@ class CompiledPlant:
         self._handle = np.zeros(8, dtype=np.int64)
         self._locate()
         nothing = np.empty(0, np.float32), np.empty(0, np.float32), np.empty(0)
-        if self.quick(*nothing) == compiled.OUTDATED:
+        if self.quick(*nothing)[0] == compiled.OUTDATED:
             self._take_single, self._take_double = load_kernel(setup.precision, afresh=True)
 
     def _locate(self) -> None:
@@ -150,6 +151,7 @@ class CompiledPlant:
             layout.MODES: 2 * -(-self._kernel.flap.order // 2),
             layout.BLADE_COUNT: setup.blades,
             layout.EVERY: setup.every_sample,
+            layout.DISPLACED: setup.displacements or setup.every_sample,
             layout.OBSERVED: task.size,
             layout.TIME_STEP: model.time_step,
             layout.TURN: kernel.turn,
@@ -268,12 +270,12 @@ class CompiledPlant:
             raise TypeError("observation, rows, samples: expected contiguous arrays")
         take = self._take_single if kind is FLOAT32 else self._take_double
         if samples is None:
-            return take(self._address, actions, observation, rows)
+            return take(self._address, actions, observation, rows)[0]
         if samples.dtype != FLOAT64:
             raise TypeError(f"samples: expected float64, got {samples.dtype}")
         self._handle[-2:] = samples.ctypes.data, samples.size
         try:
-            return take(self._address, actions, observation, rows)
+            return take(self._address, actions, observation, rows)[0]
         finally:
             self._handle[-1] = 0
 

@@ -39,8 +39,8 @@ COUNT, STEPS, INTERVALS, MODES, BLADE_COUNT, EVERY, OBSERVED, NOISY = range(8)
 TIME_STEP, TURN, COSINE_TURN, SINE_TURN = range(8, 12)
 ANGLE_LIMIT, RATE_LIMIT, ACCELERATION_LIMIT, LAG_DECAY, LAG_GAIN = range(12, 17)
 WEIGHT_RBM, WEIGHT_ANGLE, WEIGHT_TOWER, LAYOUT = range(17, 21)
-EFFECTIVENESS, STUCK, DIRECT = 21, 24, 27
-"""Three a blade, three a blade, the feedthrough (8, 6) by rows."""
+DISPLACED, EFFECTIVENESS, STUCK, DIRECT = 21, 22, 25, 28
+"""Whether displacements are wanted; three a blade, three a blade, the feedthrough (8, 6) by rows."""
 HEAD = DIRECT + 8 * FLAP_INPUTS
 """Length of the head; behind it the table of the observation, a record a turbine, and noise."""
 ENTRY = 4

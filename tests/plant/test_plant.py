@@ -286,3 +286,25 @@ def test_plants_of_a_process_share_a_pool_whose_members_are_the_realisations_of_
     one.reset(np.arange(2), rest(2, realisation=np.array([3, 1]), intensity=intensity))
     alone.reset(np.arange(2), rest(2, noise=noise, intensity=intensity))
     np.testing.assert_allclose(fly(one, actions)[0], fly(alone, actions)[0], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [2, 20])
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_plant_asked_for_no_displacements_gives_the_same_moments(kernel, count):
+    rows = {}
+    for displacements in (True, False):
+        plant = plant_of(count, 3, 6, every_sample=False, displacements=displacements, kernel=kernel)
+        plant.reset(np.arange(count), start_of(plant))
+        actions = np.random.default_rng(1).uniform(-1, 1, (6, count, 3))
+        rows[displacements] = fly(plant, actions)[0][..., : layout.REWARD]
+    told = np.r_[layout.RBM : layout.TIP, layout.ANGLE : layout.TOWER, layout.WIND : layout.REWARD]
+    np.testing.assert_allclose(rows[False][..., told], rows[True][..., told], rtol=1e-12, atol=1e-9)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_the_quick_step_tells_what_the_row_says(kernel):
+    plant = plant_of(1, 3, 6, every_sample=False, kernel=kernel)
+    plant.reset(np.arange(1), start_of(plant))
+    row = np.empty(layout.ROW)
+    told = plant.quick(np.ones(3, np.float32), np.empty(3, np.float32), row)
+    assert told == (0, row[layout.REWARD], row[layout.WIND], row[layout.AZIMUTH])

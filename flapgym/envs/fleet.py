@@ -365,8 +365,10 @@ def sample_info(samples: Array, blades: int) -> Info:
 
 def _option(options: Mapping[str, Any], name: str, shape: tuple[int, ...], limit: float = np.inf) -> Array:
     """A reset option as an array of the shape wanted; zero if it is not given."""
+    if name not in options:
+        return np.zeros(shape)
     try:
-        value = np.broadcast_to(np.asarray(options.get(name, 0.0), dtype=float), shape).copy()
+        value = np.broadcast_to(np.asarray(options[name], dtype=float), shape).copy()
     except (TypeError, ValueError):
         raise ValueError(
             f"options.{name}: expected numbers that fit shape {shape}, got {options[name]!r}"

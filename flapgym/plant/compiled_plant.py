@@ -219,13 +219,16 @@ class CompiledPlant:
         """Begin an episode of m turbines; observations (m, observed) and rows (m, ROW) of sample 0."""
         setup, start = self.setup, start.under(self.setup.faults)
         first = self._responses.draw(turbines, start)
-        modes = first_modes(self._kernel.flap, setup, start.azimuth, self._kernel.turn)
-        first[:, :8] += (modes @ self._kernel.flap.read.T).real
-        grouped = np.zeros((len(turbines), self._groups * layout.GROUP), dtype=complex)
-        grouped[:, : modes.shape[1]] = modes
-        for turbine, own_modes in zip(turbines, grouped, strict=True):
-            split = own_modes.reshape(self._groups, layout.GROUP)
-            self._modes(int(turbine))[...] = np.stack([split.real, split.imag], axis=1)
+        for turbine in turbines:
+            self._modes(int(turbine))[...] = 0.0
+        if setup.faults.held_angle.any():
+            modes = first_modes(self._kernel.flap, setup, start.azimuth, self._kernel.turn)
+            first[:, :8] += (modes @ self._kernel.flap.read.T).real
+            grouped = np.zeros((len(turbines), self._groups * layout.GROUP), dtype=complex)
+            grouped[:, : modes.shape[1]] = modes
+            for turbine, own_modes in zip(turbines, grouped, strict=True):
+                split = own_modes.reshape(self._groups, layout.GROUP)
+                self._modes(int(turbine))[...] = np.stack([split.real, split.imag], axis=1)
         own = self._own
         own[turbines] = 0.0
         own[turbines, layout.OWN_ANGLE : layout.OWN_ANGLE + setup.blades] = start.flap_angle[
@@ -238,8 +241,9 @@ class CompiledPlant:
         noise = start.measurement_noise
         if noise is not None:
             self._keep_noise(turbines, noise)
-        effectiveness = np.array(setup.faults.effectiveness)[: setup.blades]
-        first[:, :8] += first_feedthrough(self._kernel.direct, start, effectiveness)
+        if start.flap_angle.any() or start.flap_rate.any():
+            effectiveness = np.array(setup.faults.effectiveness)[: setup.blades]
+            first[:, :8] += first_feedthrough(self._kernel.direct, start, effectiveness)
         rows = np.zeros((len(turbines), layout.ROW))
         fill_instant(rows, first_interval(first, start, setup.blades), start.azimuth)
         return self.task.observe(rows, None if noise is None else noise[:, 0]), rows

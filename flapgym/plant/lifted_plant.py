@@ -122,15 +122,11 @@ def first_feedthrough(direct: Array, start: Start, effectiveness: Array) -> Arra
 
 def first_interval(outputs: Array, start: Start, blades: int) -> Interval:
     """Outputs (m, 9) at sample 0 as an interval of one sample."""
-    rbm, tip = (
-        to_blades(outputs[:, part], start.azimuth)[:, None]
-        if blades == 3
-        else outputs[:, part.start : part.start + 1][:, None]
-        for part in (slice(0, 3), slice(3, 6))
-    )
+    loads = outputs[:, :6].reshape(-1, 2, 3)
+    loads = to_blades(loads, start.azimuth[:, None]) if blades == 3 else loads[:, :, :1]
     return Interval(
-        rbm=rbm,
-        tip_deflection=tip,
+        rbm=loads[:, :1],
+        tip_deflection=loads[:, 1:],
         tower=outputs[:, None, 6:8],
         wind=outputs[:, 8:],
         flap_angle=start.flap_angle[:, None, :blades],

@@ -11,10 +11,12 @@ from flapgym.control.channels import controller_channels
 from flapgym.control.closed_loop import closed_loop
 from flapgym.state_space import Array, StateSpace
 
-# Dense where tower and whirl modes of little damping stand, wide enough for the flap's own dynamics [Hz].
+# Dense where tower and whirl modes stand, wide enough for the flap's own dynamics [Hz].
 FREQUENCIES = np.unique(
     np.concatenate([np.geomspace(0.005, 60.0, 200), np.linspace(0.1, 0.8, 200), np.linspace(0.8, 12.0, 300)])
 )
+RESONANT = 0.1
+"""Damping ratio below which a mode of the closed loop has frequencies of its own beside the grid."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +56,27 @@ def disk_margin(
     """Disk margin at the three measured moments together, from the largest singular value of S - T (Seiler 2020).
 
     Multi-blade components are scaled to keep the sum of squares over the blades, so the largest gain is that of the
-    blades' own frames. Frequencies are a grid: a mode of less damping than its spacing would hide.
+    blades' own frames. The peaks stand at the closed loop's own modes, some of them a hundredth of a hertz wide: each
+    lightly damped one is looked at where it stands and half its width to either side, the rest on a grid.
     """
     loop = closed_loop(model, controller, plant=plant)
     channels = controller_channels([name for name in loop.outputs if name.startswith("flap_angle")])
     moment = loop.select(inputs=channels.named("noise"), outputs=channels.named("rbm"))
     scale = np.sqrt(channels.weight)
     # Noise n on the measurement: the loop sees S n, of which the true moment is S n - n = -T n.
+    frequency = np.union1d(frequency, _resonances(moment))
     response = moment.frequency_response(frequency) * scale[:, None] / scale
     size = np.linalg.norm(2.0 * response + np.eye(channels.count), ord=2, axis=(1, 2))
     worst = int(size.argmax())
     return DiskMargin(float(2.0 / size[worst]), float(frequency[worst]))
+
+
+def _resonances(loop: StateSpace) -> Array:
+    """Frequencies [Hz] of the lightly damped modes, and those at which their response is down by 3 dB."""
+    values = np.linalg.eigvals(loop.A)
+    pole = np.log(values[values.imag > 0.0]) / (2.0 * np.pi * loop.time_step)
+    pole = pole[-pole.real < RESONANT * np.abs(pole)]
+    return np.concatenate([pole.imag + side * pole.real for side in (-1.0, 0.0, 1.0)])
 
 
 def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> StateSpace:

@@ -1,9 +1,12 @@
 """Margins against loops whose margin is known, and against the closed loop itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
-from flapgym.control import Weights, closed_loop, design_model, synthesise
+from flapgym.control import Weights, closed_loop, design_model, stability, synthesise
 from flapgym.control.channels import BLADE
 from flapgym.control.closed_loop import _in_frame
 from flapgym.control.margins import DiskMargin, delay_margin, disk_margin, late_measurement
@@ -41,6 +44,35 @@ def test_the_loop_is_stable_for_every_gain_within_the_margin():
     margin = disk_margin(MODEL, fierce)
     for gain in np.geomspace(*margin.gain, 7):
         assert closed_loop(MODEL, fierce, float(gain)).spectral_radius() < 1.0
+
+
+def test_a_mode_far_narrower_than_the_grid_is_seen():
+    """With a mode that hardly decays, and that the flaps hardly move, the loop bears 1.35 times their effect and no more."""
+    model = replace(MODEL, turbine=_with_narrow_mode(MODEL.turbine))
+    bears = stability(model, CONTROLLER).effectiveness_margin
+    assert bears == pytest.approx(1.35, abs=0.05)
+    margin = disk_margin(model, CONTROLLER)
+    assert margin.gain[1] <= bears + 0.01
+    assert margin.frequency == pytest.approx(NARROW, abs=0.01)
+
+
+NARROW = 1.787
+"""Frequency of a mode between two of the grid [Hz]."""
+
+
+def _with_narrow_mode(turbine):
+    """Moved by the collective flap angle, seen in the collective moment; half a millihertz wide."""
+    pole = np.exp(2j * np.pi * NARROW * (1.0 + 1.4e-4j) * MODEL.time_step)
+    seen = 10.0 * np.exp(4.0j)
+    b, c = np.zeros((2, len(turbine.inputs))), np.zeros((len(turbine.outputs), 2))
+    b[0, turbine.inputs.index("flap_angle_0")] = 1.0
+    c[turbine.outputs.index("rbm_0")] = seen.real, seen.imag
+    return replace(
+        turbine,
+        A=block_diag(turbine.A, [[pole.real, -pole.imag], [pole.imag, pole.real]]),
+        B=np.vstack([turbine.B, b]),
+        C=np.hstack([turbine.C, c]),
+    )
 
 
 def test_the_margin_is_the_same_seen_from_either_frame():

@@ -1,12 +1,11 @@
 """The step of one or many turbines as compiled code: flap actuators, modes, loads, reward and observation in one call.
 
 Superposition (flapgym.plant.responses): the flaps' response is stepped by modes, the wind's is read from a table.
-Turbines of a batch lie innermost, in blocks; a few turbines are stepped one after another with the modes
-innermost. All but the modes is the same code for both. flapgym.plant.sampled does the same with numpy; the layout is
-flapgym.plant.layout.
+A few turbines are stepped one after another with the modes innermost, those of a batch side by side in blocks; the
+tests hold the two to each other. flapgym.plant.sampled does the same with numpy; the layout is flapgym.plant.layout.
 
-Loops that a vector unit shall take run over slices of constant strides: only then does the compiler see that nothing
-overlaps. Indices into whole arrays, or strides it does not know, cost a factor of four.
+Loops that a vector unit shall take run over few slices at constant strides: only then does the compiler see that nothing
+overlaps. Indices into whole arrays, strides it does not know, or a slice for every quantity cost a factor of two to four.
 """
 
 from __future__ import annotations
@@ -103,6 +102,10 @@ THIRD = 1.0 / 3.0
 OUTDATED = -(1 << 40)
 """Returned by code that was compiled for another layout."""
 PAIR = 2 * LANES
+COMMANDS, STOPS, COSINES, SINES, SQUARES, SUMS, VALUES = 12, 15, 18, 19, 20, 21, 24
+"""Rows of a block's work, behind the first twelve numbers of its records: for the flaps, then for the loads."""
+WORK = 32
+"""Rows of a block's work; behind them the wind's response."""
 ROW_PAIRS = 2 * GROUP
 GROUP_SIZE = CONSTANTS * GROUP
 
@@ -233,10 +236,10 @@ def _advance(actions, real, state, pool, samples, observation, rows):  # type: i
         outputs = scratch[8 * k * GROUP + (k + 1) * FLAP_INPUTS :]
         for t in range(n):
             own = state[records + t * OWN : records + (t + 1) * OWN]
-            _move(t, 0, 1, actions, state, own, inputs, rows, samples)
+            _move(t, actions, state, own, inputs, rows, samples)
             own_modes = modes[t * size : (t + 1) * size]
             _modes_of_one(k, every, displaced, modes_count, constants, own_modes, inputs, sums, outputs)
-            status |= _read(t, 0, 1, state, own, inputs, outputs, pool, observation, rows, samples)
+            status |= _read(t, state, own, inputs, outputs, pool, observation, rows, samples)
         return status
     size = groups * GROUP * PAIR
     blocks = (n + LANES - 1) // LANES
@@ -244,25 +247,20 @@ def _advance(actions, real, state, pool, samples, observation, rows):  # type: i
     scratch = real[groups * GROUP_SIZE + blocks * size :]
     inputs = scratch[: (k + 1) * FLAP_INPUTS * LANES]
     outputs = scratch[(k + 1) * FLAP_INPUTS * LANES :]
+    work = np.empty((WORK + 9 * k) * LANES)
     for block in range(blocks):
         first = block * LANES
         lanes = min(LANES, n - first)
-        for lane in range(lanes):
-            t = first + lane
-            own = state[records + t * OWN : records + (t + 1) * OWN]
-            _move(t, lane, LANES, actions, state, own, inputs, rows, samples)
+        _move_block(first, lanes, actions, state, inputs, work, rows, samples)
         _modes_of_block(
             lanes, k, every, modes_count, constants, modes[block * size : (block + 1) * size], inputs, outputs
         )
-        for lane in range(lanes):
-            t = first + lane
-            own = state[records + t * OWN : records + (t + 1) * OWN]
-            status |= _read(t, lane, LANES, state, own, inputs, outputs, pool, observation, rows, samples)
+        status |= _read_block(first, lanes, state, inputs, outputs, pool, work, observation, rows, samples)
     return status
 
 
 @njit(**OPTIONS)
-def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type: ignore[no-untyped-def]
+def _move(t, actions, state, own, inputs, rows, samples):  # type: ignore[no-untyped-def]
     """Flaps of turbine t over the interval, as components at samples 0 to k; the row's part that is the flaps'."""
     k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
     dt, record = state[TIME_STEP], samples.size > 0
@@ -324,10 +322,8 @@ def _move(t, lane, stride, actions, state, own, inputs, rows, samples):  # type:
                 angle_s = 2.0 * THIRD * (sine * along - cosine * across)
             else:
                 angle_0 = first
-            place = (FLAP_INPUTS * j + 3 * kind) * stride + lane
-            inputs[place] = angle_0
-            inputs[place + stride] = angle_c
-            inputs[place + 2 * stride] = angle_s
+            place = FLAP_INPUTS * j + 3 * kind
+            inputs[place], inputs[place + 1], inputs[place + 2] = angle_0, angle_c, angle_s
     for b in range(3):
         row[ANGLE + b], row[RATE + b] = own[OWN_ANGLE + b], own[OWN_RATE + b]
         row[TRAVEL + b] = own[OWN_TRAVEL + b]
@@ -439,7 +435,7 @@ def _modes_of_block(lanes, k, every, count, constants, modes, inputs, outputs): 
 
 
 @njit(**OPTIONS)
-def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows, samples):  # type: ignore[no-untyped-def]
+def _read(t, state, own, inputs, outputs, pool, observation, rows, samples):  # type: ignore[no-untyped-def]
     """Loads, reward and observation of turbine t; its clock goes on."""
     k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
     every, displaced, record = state[EVERY] != 0.0, state[DISPLACED] != 0.0, samples.size > 0
@@ -467,12 +463,9 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
         for quantity in range(2 if last else 1):
             start = 3 * (j - 1) if quantity == 0 else 3 * k + (3 * (j - 1) if every else 0)
             for c in range(3):
-                value = float(outputs[(8 * (j - 1) + 3 * quantity + c) * stride + lane])
+                value = float(outputs[8 * (j - 1) + 3 * quantity + c])
                 for i in range(FLAP_INPUTS):
-                    value += (
-                        direct[(3 * quantity + c) * FLAP_INPUTS + i]
-                        * inputs[(j * FLAP_INPUTS + i) * stride + lane]
-                    )
+                    value += direct[(3 * quantity + c) * FLAP_INPUTS + i] * inputs[j * FLAP_INPUTS + i]
                 value += level * wind[start + c]
                 if c == 0:
                     y0 = value
@@ -493,9 +486,9 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
         if last:
             start = 6 * k + 3 * (j - 1) if every else 3 * k + 3
             for c in range(2):
-                value = float(outputs[(8 * (j - 1) + 6 + c) * stride + lane])
+                value = float(outputs[8 * (j - 1) + 6 + c])
                 for i in range(FLAP_INPUTS):
-                    value += direct[(6 + c) * FLAP_INPUTS + i] * inputs[(j * FLAP_INPUTS + i) * stride + lane]
+                    value += direct[(6 + c) * FLAP_INPUTS + i] * inputs[j * FLAP_INPUTS + i]
                 row[TOWER + c] = value + level * wind[start + c]
             fore_aft += row[TOWER] ** 2
         if every or j == k:
@@ -506,11 +499,18 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
                 sample[SAMPLE_RBM + b], sample[SAMPLE_TIP + b] = row[RBM + b], row[TIP + b]
             sample[SAMPLE_TOWER], sample[SAMPLE_TOWER + 1] = row[TOWER], row[TOWER + 1]
             sample[SAMPLE_WIND] = row[WIND]
+    row[COSINE], row[SINE] = cosine, sine
+    return _close(t, fore_aft, state, own, observation, row)
+
+
+@njit(**OPTIONS)
+def _close(t, fore_aft, state, own, observation, row):  # type: ignore[no-untyped-def]
+    """Reward, clock and observation of turbine t, whose row holds sums of squares; returns its status."""
+    k, blades, elapsed = int(state[STEPS]), int(state[BLADE_COUNT]), int(own[OWN_ELAPSED])
     total = 0.0
     for b in range(3):
         row[MEAN_SQUARE + b] /= k
         total += row[MEAN_SQUARE + b]
-    row[COSINE], row[SINE] = cosine, sine
     row[REWARD_RBM] = -state[WEIGHT_RBM] * total / blades
     row[REWARD_TOWER] = -state[WEIGHT_TOWER] * fore_aft / k
     row[REWARD] = row[REWARD_RBM] + row[REWARD_ANGLE] + row[REWARD_TOWER]
@@ -521,6 +521,197 @@ def _read(t, lane, stride, state, own, inputs, outputs, pool, observation, rows,
     _observe(t, elapsed + 1, state, row, observation)
     status = 0 if abs(row[REWARD]) < math.inf else 1
     return status | (2 if elapsed + 1 >= state[INTERVALS] else 0)
+
+
+@njit(**OPTIONS)
+def _move_block(first, lanes, actions, state, inputs, work, rows, samples):  # type: ignore[no-untyped-def]
+    """`_move` for up to LANES turbines side by side."""
+    widest_vectors()
+    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
+    dt, record = state[TIME_STEP], samples.size > 0
+    top_angle, top_rate, top_acceleration = state[ANGLE_LIMIT], state[RATE_LIMIT], state[ACCELERATION_LIMIT]
+    decay, gain = state[LAG_DECAY], state[LAG_GAIN]
+    cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
+    effect_1, effect_2, effect_3 = state[EFFECTIVENESS], state[EFFECTIVENESS + 1], state[EFFECTIVENESS + 2]
+    records = HEAD + ENTRY * int(state[OBSERVED]) + first * OWN
+    cosine, sine = work[COSINES * LANES : (COSINES + 1) * LANES], work[SINES * LANES : (SINES + 1) * LANES]
+    square = work[SQUARES * LANES : (SQUARES + 1) * LANES]
+    for lane in range(lanes):
+        own = state[records + lane * OWN : records + (lane + 1) * OWN]
+        azimuth = own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]
+        cosine[lane], sine[lane] = math.cos(azimuth), math.sin(azimuth)
+        square[lane] = 0.0
+        row = rows[(first + lane) * ROW : (first + lane + 1) * ROW]
+        row[COSINE], row[SINE] = cosine[lane], sine[lane]
+        for i in range(12):
+            work[i * LANES + lane] = own[i]
+        for b in range(3):
+            work[(STOPS + b) * LANES + lane] = 0.0
+        for b in range(blades):
+            command = min(max(float(actions[(first + lane) * blades + b]), -1.0), 1.0)
+            work[(COMMANDS + b) * LANES + lane] = command * top_acceleration
+    for j in range(k + 1):
+        if j:
+            for b in range(blades):
+                if state[STUCK + b] != 0.0:
+                    continue
+                own = work[b * LANES : (b + STOPS + 1) * LANES]
+                for t in range(lanes):
+                    angle, rate = own[t + OWN_ANGLE * LANES], own[t + OWN_RATE * LANES]
+                    command = own[t + COMMANDS * LANES]
+                    behind = own[t + OWN_LAGGED * LANES] - command
+                    wanted = rate + (command + behind * gain) * dt
+                    reached = min(max(wanted, -top_rate), top_rate)
+                    going = angle + 0.5 * dt * (rate + reached)
+                    moved = min(max(going, -top_angle), top_angle)
+                    stopped = 1.0 if (wanted != reached) | (going != moved) else 0.0
+                    lowest = 0.0 if going < -top_angle else -top_rate
+                    highest = 0.0 if going > top_angle else top_rate
+                    own[t + STOPS * LANES] = max(own[t + STOPS * LANES], stopped)
+                    own[t + OWN_LAGGED * LANES] = command + behind * decay
+                    own[t + OWN_TRAVEL * LANES] += abs(moved - angle)
+                    own[t + OWN_ANGLE * LANES] = moved
+                    own[t + OWN_RATE * LANES] = min(max(reached, lowest), highest)
+            for t in range(lanes):
+                turned = cosine[t] * cosine_turn - sine[t] * sine_turn
+                sine[t] = sine[t] * cosine_turn + cosine[t] * sine_turn
+                cosine[t] = turned
+            for b in range(3):
+                angle = work[(OWN_ANGLE + b) * LANES : (OWN_ANGLE + b + 1) * LANES]
+                for t in range(lanes):
+                    square[t] += angle[t] ** 2
+            if record:
+                for lane in range(lanes):
+                    sample = ((first + lane) * k + j - 1) * SAMPLE
+                    for b in range(3):
+                        samples[sample + SAMPLE_ANGLE + b] = work[(OWN_ANGLE + b) * LANES + lane]
+                        samples[sample + SAMPLE_RATE + b] = work[(OWN_RATE + b) * LANES + lane]
+        for kind in range(2):
+            motion = work[3 * kind * LANES : 3 * (kind + 1) * LANES]
+            u = inputs[(FLAP_INPUTS * j + 3 * kind) * LANES : (FLAP_INPUTS * j + 3 * kind + 3) * LANES]
+            if blades == 3:
+                for t in range(lanes):
+                    one, two, three = (
+                        effect_1 * motion[t],
+                        effect_2 * motion[t + LANES],
+                        effect_3 * motion[t + 2 * LANES],
+                    )
+                    along = one + C1 * (two + three)
+                    across = S1 * (three - two)
+                    u[t] = THIRD * (one + two + three)
+                    u[t + LANES] = 2.0 * THIRD * (cosine[t] * along + sine[t] * across)
+                    u[t + 2 * LANES] = 2.0 * THIRD * (sine[t] * along - cosine[t] * across)
+            else:
+                for t in range(lanes):
+                    u[t], u[t + LANES], u[t + 2 * LANES] = effect_1 * motion[t], 0.0, 0.0
+    for lane in range(lanes):
+        own = state[records + lane * OWN : records + (lane + 1) * OWN]
+        row = rows[(first + lane) * ROW : (first + lane + 1) * ROW]
+        for i in range(12):
+            own[i] = work[i * LANES + lane]
+        for b in range(3):
+            row[ANGLE + b], row[RATE + b] = own[OWN_ANGLE + b], own[OWN_RATE + b]
+            row[TRAVEL + b], row[STOPPED + b] = own[OWN_TRAVEL + b], work[(STOPS + b) * LANES + lane]
+        row[REWARD_ANGLE] = -state[WEIGHT_ANGLE] * square[lane] / (k * blades)
+
+
+@njit(**OPTIONS)
+def _read_block(first, lanes, state, inputs, outputs, pool, work, observation, rows, samples):  # type: ignore[no-untyped-def]
+    """`_read` for up to LANES turbines side by side, with tip deflection and tower always."""
+    widest_vectors()
+    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
+    every, record = state[EVERY] != 0.0, samples.size > 0
+    cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
+    intervals = int(state[INTERVALS])
+    records = HEAD + ENTRY * int(state[OBSERVED]) + first * OWN
+    width = 9 * k if every else 3 * k + 6
+    cosine, sine = work[COSINES * LANES : (COSINES + 1) * LANES], work[SINES * LANES : (SINES + 1) * LANES]
+    fore_aft = work[SQUARES * LANES : (SQUARES + 1) * LANES]
+    square = work[SUMS * LANES : (SUMS + 3) * LANES]
+    winds = work[WORK * LANES :]
+    for lane in range(lanes):
+        own = state[records + lane * OWN : records + (lane + 1) * OWN]
+        interval = int(own[OWN_RESPONSE]) * intervals + min(int(own[OWN_ELAPSED]), intervals - 1)
+        wind = pool[interval * width : (interval + 1) * width]
+        level = own[OWN_LEVEL]
+        for i in range(width):
+            winds[i * LANES + lane] = level * wind[i]
+        row = rows[(first + lane) * ROW : (first + lane + 1) * ROW]
+        cosine[lane], sine[lane], fore_aft[lane] = row[COSINE], row[SINE], 0.0
+        for b in range(3):
+            square[b * LANES + lane] = 0.0
+    for j in range(1, k + 1):
+        for t in range(lanes):
+            turned = cosine[t] * cosine_turn - sine[t] * sine_turn
+            sine[t] = sine[t] * cosine_turn + cosine[t] * sine_turn
+            cosine[t] = turned
+        last = every or j == k
+        u = inputs[j * FLAP_INPUTS * LANES : (j + 1) * FLAP_INPUTS * LANES]
+        for o in range(8 if last else 3):
+            # Moments, tips, tower; the rows of the wind's response follow the same order.
+            start = 3 * (j - 1) + o
+            if o >= 3:
+                start = (3 * k if o < 6 else 6 * k) + 3 * (j - 1) + o % 3 if every else 3 * k + o - 3
+            d = state[DIRECT + o * FLAP_INPUTS : DIRECT + (o + 1) * FLAP_INPUTS]
+            d0, d1, d2, d3, d4, d5 = d[0], d[1], d[2], d[3], d[4], d[5]
+            y = outputs[(8 * (j - 1) + o) * LANES : (8 * (j - 1) + o + 1) * LANES]
+            w = winds[start * LANES : (start + 1) * LANES]
+            value = work[(VALUES + o) * LANES : (VALUES + o + 1) * LANES]
+            for t in range(lanes):
+                value[t] = (
+                    y[t]
+                    + w[t]
+                    + d0 * u[t]
+                    + d1 * u[t + LANES]
+                    + d2 * u[t + 2 * LANES]
+                    + d3 * u[t + 3 * LANES]
+                    + d4 * u[t + 4 * LANES]
+                    + d5 * u[t + 5 * LANES]
+                )
+        if blades == 3:
+            for quantity in range(2 if last else 1):
+                value = work[(VALUES + 3 * quantity) * LANES : (VALUES + 3 * quantity + 3) * LANES]
+                for t in range(lanes):
+                    mean = value[t]
+                    along = value[t + LANES] * cosine[t] + value[t + 2 * LANES] * sine[t]
+                    across = value[t + 2 * LANES] * cosine[t] - value[t + LANES] * sine[t]
+                    value[t] = mean + along
+                    value[t + LANES] = mean + C1 * along + S1 * across
+                    value[t + 2 * LANES] = mean + C1 * along - S1 * across
+        else:
+            work[(VALUES + 1) * LANES : (VALUES + 3) * LANES] = 0.0
+            work[(VALUES + 4) * LANES : (VALUES + 6) * LANES] = 0.0
+        moment = work[VALUES * LANES : (VALUES + 3) * LANES]
+        for b in range(3):
+            for t in range(b * LANES, b * LANES + lanes):
+                square[t] += moment[t] ** 2
+        if last:
+            tower = work[(VALUES + 6) * LANES : (VALUES + 7) * LANES]
+            for t in range(lanes):
+                fore_aft[t] += tower[t] ** 2
+        if record:
+            place = (6 * k + 3 * (j - 1) + 2) * LANES
+            for lane in range(lanes):
+                sample = samples[((first + lane) * k + j - 1) * SAMPLE : ((first + lane) * k + j) * SAMPLE]
+                for o in range(8):
+                    sample[o] = work[(VALUES + o) * LANES + lane]
+                sample[SAMPLE_WIND] = winds[place + lane]
+    place = (9 * k - 1 if every else 3 * k + 5) * LANES
+    status = 0
+    for lane in range(lanes):
+        t = first + lane
+        own = state[records + lane * OWN : records + (lane + 1) * OWN]
+        row = rows[t * ROW : (t + 1) * ROW]
+        for b in range(6):
+            row[b] = work[(VALUES + b) * LANES + lane]
+        for c in range(2):
+            row[TOWER + c] = work[(VALUES + 6 + c) * LANES + lane]
+        for b in range(3):
+            row[MEAN_SQUARE + b] = square[b * LANES + lane]
+        row[WIND] = winds[place + lane]
+        row[COSINE], row[SINE] = cosine[lane], sine[lane]
+        status |= _close(t, fore_aft[lane], state, own, observation, row)
+    return status
 
 
 @njit(**OPTIONS)

@@ -4,8 +4,9 @@ Superposition (flapgym.plant.responses): the flaps' response is stepped by modes
 A few turbines are stepped one after another with the modes innermost, those of a batch side by side in blocks; the
 tests hold the two to each other. flapgym.plant.sampled does the same with numpy; the layout is flapgym.plant.layout.
 
-Loops that a vector unit shall take run over few slices at constant strides: only then does the compiler see that nothing
-overlaps. Indices into whole arrays, strides it does not know, or a slice for every quantity cost a factor of two to four.
+Loops that a vector unit shall take run over few slices at constant strides: only then does the compiler see that
+nothing overlaps. Indices into whole arrays, strides it does not know, or a slice for every quantity cost a factor of
+two to four.
 """
 
 from __future__ import annotations

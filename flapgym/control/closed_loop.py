@@ -44,7 +44,7 @@ def closed_loop(
     plant = with_effectiveness(model.turbine if plant is None else plant, effectiveness)
     frame = controller_channels(plant.inputs)
     plant = plant.select(inputs=[*frame.inputs[3:], "wind"])
-    flaps = _flaps(_in_frame(controller, model, plant), frame.turn(model.rotor_speed * model.time_step))
+    flaps = flaps_loop(_in_frame(controller, model, plant), frame.turn(model.rotor_speed * model.time_step))
     n, m = plant.order, flaps.order
     rows = [plant.outputs.index(name) for name in frame.named("rbm")]
     b_flap, b_wind = plant.B[:, :6], plant.B[:, 6:]
@@ -101,7 +101,7 @@ def _in_frame(controller: StateSpace, model: TurbineModel, plant: StateSpace) ->
     )
 
 
-def _flaps(controller: StateSpace, turn: Array) -> StateSpace:
+def flaps_loop(controller: StateSpace, turn: Array) -> StateSpace:
     """Double integrators and controller of the three flaps: from moments to angles, rates and accelerations.
 
     States [angles, rates, controller].
@@ -164,7 +164,7 @@ def growth_per_turn(model: TurbineModel, controller: StateSpace, turns: int = 40
     """
     turbine = model.turbine
     step = model.rotor_speed * model.time_step
-    flaps = _flaps(controller, np.eye(3))
+    flaps = flaps_loop(controller, np.eye(3))
     x, y = np.random.default_rng(0).standard_normal((2, max(turbine.order, flaps.order)))
     x, y = x[: turbine.order], y[: flaps.order]
     y[:6] *= 1e-9  # flap motion in proportion to the load it makes

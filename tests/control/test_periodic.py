@@ -39,7 +39,7 @@ def test_unlike_blades_stay_stable_within_their_margin():
     """Only blade 1 answers its moment, so the loop is periodic and no frame makes it anything else."""
     margin = periodic_disk_margin(MODEL, _three([1.0, 0.0, 0.0]))
     for gain in margin.gain:
-        assert growth_per_turn(MODEL, _three([gain, 0.0, 0.0])) < 1.0
+        assert growth_per_turn(MODEL, _three([gain, 0.0, 0.0]), turns=8) < 1.0
 
 
 def test_more_harmonics_change_nothing():

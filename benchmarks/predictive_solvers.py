@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from baselines.rivals.contestants import shipped_weights
+from baselines.shipped import shipped_weights
 from flapgym.aeroelastic.model import load_model
 from flapgym.control import PredictiveController
 from flapgym.evaluation import simulate

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 
@@ -20,13 +19,14 @@ from tqdm import tqdm
 from baselines.paper.aerodynamics_sections import figure_8, figure_12
 from baselines.paper.cache import Cache
 from baselines.paper.control_sections import LABELS, gust_alleviation, robustness
-from baselines.paper.controllers import VARIANTS, Controllers, Plants, loaded
+from baselines.paper.controllers import VARIANTS, Controllers, Plants
 from baselines.paper.document import Section, Table, as_html, as_markdown, summary
-from baselines.paper.effects import effects_of, effects_section, measure_effects
+from baselines.paper.duty import Duty, measure_duty
+from baselines.paper.effects import Effects, effects_section, measure_effects
 from baselines.paper.models import VARIATIONS, built, unscaled_flap
 from baselines.paper.readings import reading, readings_section
-from baselines.paper.robustness import margins, sensitivity
-from baselines.paper.scores import Trial, first, measured, metrics_of, score
+from baselines.paper.robustness import growths, margins, sensitivity
+from baselines.paper.scores import Trial, first, measured, metrics_of, named, rebuilt, score
 from baselines.paper.structure_sections import figure_9, table_1, table_2
 from baselines.paper.trials import AGENTS, SHARE, conditions, outcome, trials_section
 from baselines.paper.trials import REALISATIONS as TRIALS
@@ -34,11 +34,13 @@ from baselines.paper.turbine_sections import figure_15, turbine_figures
 from baselines.rivals import study as rivals
 from baselines.rivals.section import rivals_section
 from baselines.settings import load_tuning
+from baselines.shipped import loaded, shipped_weights
 from baselines.tune import CONFIG
 from flapgym.aeroelastic.model import TurbineModel, load_model
 from flapgym.aeroelastic.study import study_turbine
 from flapgym.atomic import write_atomically
 from flapgym.control import Agent, OpenLoop, load_agent
+from flapgym.control.channels import ROTOR
 from flapgym.evaluation import Record, measure, writable_folder
 from flapgym.evaluation.compare import PAPER_LENGTH, PAPER_REALISATIONS
 from flapgym.state_space import Array, StateSpace
@@ -46,15 +48,6 @@ from flapgym.turbine import load_case
 
 TITLE = "Load alleviation on the NREL 5 MW turbine: Section IV of the paper beside ours"
 REALISATIONS = 50
-ROBUST = (
-    "lqg",
-    "lqg_cautious",
-    "lqg_moving_root",
-    "lqg_unfiltered",
-    "lqg_multiblade",
-    "pd",
-    "lqg_saturating",
-)
 BESIDE = {
     "pid": "PID, same rule",
     "individual_flap": "collective, tilt and yaw PID",
@@ -87,8 +80,7 @@ class Study:
 
     def __init__(self, model: TurbineModel, folder: Path, realisations: int, quick: bool, bar: tqdm) -> None:
         self.model, self.folder, self.case = model, folder, load_case(model.name)
-        self.parts = folder / "parts"
-        self.cache = Cache(self.parts, model.hash)
+        self.cache = Cache(folder / "parts", model.hash)
         self.duration = QUICK_DURATION if quick else PAPER_LENGTH * model.length_scale / model.wind_speed
         self.quick = quick
         self.realisations = 2 if quick else realisations
@@ -122,11 +114,12 @@ class Study:
         scores = {name: score(each, open_loop, metrics["lqg"], self.model) for name, each in metrics.items()}
         base, reference = (first(each, PAPER_REALISATIONS) for each in (metrics["lqg"], open_loop))
         few = score(base, reference, base, self.model)
-        return gust_alleviation(scores, few.changes, self.realisations, self.duration)
+        noise = shipped_weights("lqg").measurement_noise
+        return gust_alleviation(scores, few.changes, self.realisations, self.duration, noise)
 
     def readings(self) -> Section:
         """The base case with the lattice's own flap, and tuned on what it is scored on."""
-        flaps = {"scaled": self.model, "unscaled": built(unscaled_flap(self.case), self.parts, self.told)}
+        flaps = {"scaled": self.model, "unscaled": built(unscaled_flap(self.case), self.told)}
         trial = Trial("reading", self.realisations, self.duration)
         found = [
             reading(flap, own, model, self.controllers.tuning, trial, self.cache, self.told)
@@ -139,18 +132,22 @@ class Study:
         """Tower, edgewise motion and duty, of the learned agents too."""
         agents: dict[str, Agent] = {name: self.controllers.agent(name) for name in self.names}
         agents |= {name: load_agent(name, self.model) for name in BESIDE}
-        found = {name: effects_of(self._measured(agent)) for name, agent in agents.items()}
-        labels = LABELS | BESIDE
-        return effects_section(found, labels, effects_of(self._measured(OpenLoop())), self.realisations)
+        found: dict[str, tuple[Effects, Duty]] = {}
+        for name, agent in agents.items():
+            arrays = self._measured(agent)
+            found[name] = rebuilt(Effects, "effects", arrays), rebuilt(Duty, "duty", arrays)
+        still = rebuilt(Effects, "effects", self._measured(OpenLoop()))
+        return effects_section(found, LABELS | BESIDE, still, self.realisations)
 
     def _measured(self, agent: Agent) -> dict[str, Array]:
-        """Metrics and side effects of an agent, from one simulation."""
+        """Metrics, side effects and duty of an agent, from one simulation."""
 
         def take(record: Record) -> dict[str, Array]:
-            effects = measure_effects(record, self.study_turbine, self.model.rotor_speed)
-            return asdict(measure(record)) | {
-                f"effect_{key}": value for key, value in asdict(effects).items()
-            }
+            return named(
+                metrics=measure(record),
+                effects=measure_effects(record, self.study_turbine, self.model.rotor_speed),
+                duty=measure_duty(record, self.model.flap_angle_limit),
+            )
 
         trial = Trial("score", self.realisations, self.duration)
         return measured(agent, self.model, trial, self.cache, self.told, take)
@@ -165,7 +162,7 @@ class Study:
         trial = Trial("trial", TRIALS, SHARE * self.duration)
         agents = {name: load_agent(name, self.model) for name in AGENTS}
         found = {}
-        for condition in conditions(self.model, self.case, self.parts, self.told):
+        for condition in conditions(self.model, self.case, self.told):
             self.told(condition.label)
             found[condition.label] = {
                 name: outcome(agent, condition, trial, self.cache, self.told)
@@ -175,16 +172,22 @@ class Study:
 
     def robustness(self) -> Section:
         """Sensitivities and margins."""
-        names = [name for name in ROBUST if name in self.names]
-        changed = {} if self.quick else VARIATIONS
-        others = {label: built(change(self.case), self.parts, self.told) for label, change in changed.items()}
-        agents = (self.controllers.agent(name) for name in names)
-        found = {
-            agent.name: sensitivity(agent, self.model, others, self.cache, self.told) for agent in agents
-        }
-        linear = [] if self.quick else [loaded(name, self.model) for name in LINEAR]
-        beside = {BESIDE[agent.name]: margins(agent, self.model, self.cache) for agent in linear}
-        return robustness(found, tuple(others), beside)
+        turbines = {} if self.quick else VARIATIONS
+        others = {label: built(change(self.case), self.told) for label, change in turbines.items()}
+        agents = {LABELS[name]: self.controllers.agent(name) for name in self.names}
+        if not self.quick:
+            agents |= {BESIDE[name]: loaded(name, self.model) for name in LINEAR}
+        changes: dict[str, Array] = {}
+        growing: dict[str, Array] = {}
+        borne: dict[str, Array] = {}
+        for label, agent in agents.items():
+            self.told(agent.name)
+            borne[label] = margins(agent.name, agent.system, self.model, self.cache)
+            if agent.system.inputs == ROTOR.inputs:
+                growing[label] = growths(agent, self.model, others, self.cache)
+            else:
+                changes[label] = sensitivity(agent, self.model, others, self.cache)
+        return robustness(changes, growing, borne, tuple(others))
 
     def table1(self) -> Section:
         """Natural frequencies."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from baselines.paper.controllers import VARIANTS
 from baselines.paper.document import Section, Table, percent
-from baselines.paper.robustness import CONDITIONS, MARGINS
+from baselines.paper.robustness import CONDITIONS, MARGINS, PERIODIC_CONDITIONS
 from baselines.paper.scores import CHANGES, Score
 from flapgym.evaluation import Estimate
 from flapgym.evaluation.compare import PAPER_REALISATIONS
@@ -17,6 +17,8 @@ from flapgym.state_space import Array
 PAPER = {"rbm_rms": -22.0, "tip_rms": -23.0, "rbm_del": -17.0}
 """Changes with the base case [%]."""
 
+ACROSS = 4
+"""Controllers in one table of sensitivities: more are not legible in print."""
 LABELS = {variant.name: variant.label for variant in VARIANTS}
 
 # Of the change of the RBM rms relative to the base case's [%]: from, to, and the paper's words.
@@ -42,9 +44,21 @@ REMARKS = {
 
 
 def gust_alleviation(
-    scores: dict[str, Score], few: dict[str, Estimate], realisations: int, duration: float
+    scores: dict[str, Score], few: dict[str, Estimate], realisations: int, duration: float, noise: float
 ) -> Section:
-    """The percentages of Section IV.C; `few` are the base case's changes on the paper's number of realisations."""
+    """The percentages of Section IV.C.
+
+    Parameters
+    ----------
+    scores : dict of str to Score
+    few : dict of str to Estimate
+        The base case's changes on the paper's number of realisations.
+    realisations : int
+    duration : float
+        Of each [s].
+    noise : float
+        What the observers expect, of the open-loop rms moment.
+    """
     base = scores["lqg"]
     head = ("controller", *(f"{label} [%]" for label in CHANGES.values()))
     head += (
@@ -79,7 +93,8 @@ def gust_alleviation(
             f"Change against open loop on the same {realisations} realisations of {duration:.0f} s (20 L/U), mean over "
             "blades and realisations, 95 % paired bootstrap interval. Each weight is raised until the flap just meets "
             "10 deg or 100 deg/s on twenty other realisations (the paper's rule). Readings: rms about zero of the "
-            "perturbation; DEL with S-N slope 10 at 1 Hz; the observer expects 2 % of measurement noise; the wind "
+            f"perturbation; DEL with S-N slope 10 at 1 Hz; the observer expects {100.0 * noise:g} % of measurement noise "
+            "where the row does not say otherwise; the wind "
             "without its filter is white with the turbulence's variance a step.",
             Table(head, tuple(rows)),
             Table(
@@ -145,27 +160,38 @@ def _sentences(scores: dict[str, Score], base: Score) -> list[str]:
 
 
 def robustness(
-    found: dict[str, tuple[Array, Array]],
-    others: Sequence[str] = (),
-    beside: Mapping[str, Array] | None = None,
+    changes: Mapping[str, Array],
+    growths: Mapping[str, Array],
+    margins: Mapping[str, Array],
+    others: Sequence[str],
 ) -> Section:
-    """Loads off the design conditions and on `others`, turbines by name; margins, too, of those `beside` by label."""
-    names = list(found)
-    rows = []
-    for index, condition in enumerate((*CONDITIONS, *others)):
-        cells = []
-        for changes, _ in found.values():
-            moment, tip, flap, frequency, doubling = changes[:, index]
-            cells.append(
-                f"unstable: {frequency:.1f} Hz, doubles in {doubling:.0f} s"
-                if np.isnan(moment)
-                else f"{100 * moment:+.1f} / {100 * tip:+.1f} / {np.rad2deg(flap):.2f}"
-            )
-        rows.append((condition, *cells))
-    told = {LABELS[name]: values for name, (_, values) in found.items()} | dict(beside or {})
-    margins = tuple(
-        (label, *("no bound" if np.isinf(value) else f"{value:.3g}" for value in values))
-        for label, values in told.items()
+    """Loads off the design conditions and on `others`, turbines by name; all by label of the controller.
+
+    Parameters
+    ----------
+    changes, growths : mapping of str to array
+        As `sensitivity` and, for periodic loops, `growths` of `robustness` give them.
+    margins : mapping of str to array
+        As its `margins` gives them.
+    others : sequence of str
+    """
+    tables = []
+    names = list(changes)
+    for first in range(0, len(names), ACROSS):
+        some = names[first : first + ACROSS]
+        rows = tuple(
+            (condition, *(_changed(changes[name][:, index]) for name in some))
+            for index, condition in enumerate((*CONDITIONS, *others))
+        )
+        tables.append(Table(("condition", *some), rows))
+    periodic = tuple(
+        (condition, *(f"{values[index]:.2f}" for values in growths.values()))
+        for index, condition in enumerate((*PERIODIC_CONDITIONS, *others))
+    )
+    turns = (
+        "The designs in the blades' own frames meet the turning turbine in a periodic loop, which has no such "
+        "Lyapunov equation. Growth of what decays slowest over a turn, stable below one (to about 4 %):",
+        Table(("condition", *growths), periodic),
     )
     return Section(
         "Robustness",
@@ -175,13 +201,49 @@ def robustness(
             "exceeds about 2.5 deg they would cut in. The designs stay as they are: only the turbine, the wind or the "
             "measurement changes; turbines are built anew from the changed case. A delay of one step is 7 ms; noise "
             "is a fraction of the open-loop RBM rms.",
-            Table(("condition", *(LABELS[name] for name in names)), tuple(rows)),
+            *tables,
+            *_growing(changes, others),
+            *(turns if growths else ()),
             "Margins of the full closed loop. The disk margin is at the three measured moments together, and so covers "
-            "blades whose errors differ; gain and phase are what it guarantees. The last two columns are exact: the "
-            "factor on the flap's effect, and the delay of the measurement, at which the loop stays stable.",
-            Table(("controller", *MARGINS), margins),
+            "blades whose errors differ; gain and phase are what it guarantees. That of a periodic loop is from its "
+            "lifted form: the gain over all signals, harmonics of the rotor's speed included, and it guarantees the "
+            "same. The other columns are exact (of periodic loops by growth over turns): the factor on the flap's "
+            "effect, and the delay of the measurement (420 ms tried), at which the loop stays stable, with the "
+            "frequency of what grows beyond.",
+            margins_table(margins),
         ),
     )
+
+
+def margins_table(found: Mapping[str, Array]) -> Table:
+    """Margins by label of the controller."""
+    rows = ((label, *(_margin(value) for value in values)) for label, values in found.items())
+    return Table(("controller", *MARGINS), tuple(rows))
+
+
+def _changed(values: Array) -> str:
+    moment, tip, flap, frequency, doubling = values
+    if np.isnan(moment):
+        return f"grows: {frequency:.1f} Hz, doubles in {doubling:.0f} s"
+    return f"{100 * moment:+.1f} / {100 * tip:+.1f} / {np.rad2deg(flap):.2f}"
+
+
+def _margin(value: float) -> str:
+    if np.isnan(value):
+        return ""
+    return "no bound" if np.isinf(value) else f"{value:.3g}"
+
+
+def _growing(changes: Mapping[str, Array], others: Sequence[str]) -> list[str]:
+    """Which loops grow somewhere, and where."""
+    conditions = (*CONDITIONS, *others)
+    where = {
+        label: [conditions[index] for index in np.flatnonzero(np.isnan(values[0]))]
+        for label, values in changes.items()
+    }
+    stable = [label for label, some in where.items() if not some]
+    lines = [f"{label} grows under: {', '.join(some)}." for label, some in where.items() if some]
+    return [*lines, f"Stable under all of them: {', '.join(stable) or 'none'}."]
 
 
 def _interval(change: Estimate) -> str:

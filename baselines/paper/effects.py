@@ -1,4 +1,4 @@
-"""What a controller does beside the loads it is judged by: its flaps' duty, the tower, the blades' edgewise motion.
+"""What a controller does beside the loads it is judged by: the tower, the blades' edgewise motion, its flaps' duty.
 
 The turbine is linear, so what else its flaps and the wind do to it follows from the record of both: no loop is closed
 a second time.
@@ -7,12 +7,13 @@ a second time.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from baselines.paper.document import Section, Table, percent
+from baselines.paper.duty import Duty
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.evaluation import Record, damage_equivalent_load, paired_change, root_mean_square
@@ -27,15 +28,12 @@ STEEL = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """Side effects on each realisation, arrays (N,), blades averaged.
+    """Further loads on each realisation, arrays (N,), blades averaged.
 
     Attributes
     ----------
     fore_aft_rms, fore_aft_del, side_side_rms, side_side_del : moment on the tower's foundation [N m]; slope of steel
     edge_rms, edge_del : edgewise root bending moment [N m]; slope of composites
-    travel, rate_rms, acceleration_rms : of a flap [rad/s, rad/s, rad/s^2]
-    inertial_power : mean modulus of rate times acceleration: W per kg m^2 of flap about its hinge [rad^2/s^3]
-    hinge_power : mean modulus of angle times rate: W per N m/rad of hinge stiffness [rad^2/s]
     """
 
     fore_aft_rms: Array
@@ -44,11 +42,6 @@ class Effects:
     side_side_del: Array
     edge_rms: Array
     edge_del: Array
-    travel: Array
-    rate_rms: Array
-    acceleration_rms: Array
-    inertial_power: Array
-    hinge_power: Array
 
 
 SIDE = {
@@ -76,11 +69,6 @@ def measure_effects(record: Record, turbine: StateSpace, rotor_speed: float) -> 
     """
     dt = record.time_step
     edge, base = further_loads(record, turbine, rotor_speed)
-    angle, rate = record.flap_angle, record.flap_rate
-    acceleration = np.diff(rate, axis=1) / dt
-    mean_rate = 0.5 * (rate[:, 1:] + rate[:, :-1])
-    mean_angle = 0.5 * (angle[:, 1:] + angle[:, :-1])
-    swing = np.diff(angle, axis=1) / dt
 
     def fatigue(series: Array, slope: float) -> Array:
         return np.array([damage_equivalent_load(one, dt, slope) for one in series])
@@ -92,17 +80,7 @@ def measure_effects(record: Record, turbine: StateSpace, rotor_speed: float) -> 
         side_side_del=fatigue(base[:, :, 1], STEEL),
         edge_rms=root_mean_square(edge, axis=1).mean(axis=1),
         edge_del=np.mean([fatigue(edge[:, :, blade], FATIGUE_SLOPE) for blade in range(3)], axis=0),
-        travel=np.abs(swing).mean(axis=(1, 2)),
-        rate_rms=root_mean_square(rate.reshape(len(rate), -1)),
-        acceleration_rms=root_mean_square(acceleration.reshape(len(rate), -1)),
-        inertial_power=np.abs(mean_rate * acceleration).mean(axis=(1, 2)),
-        hinge_power=np.abs(mean_angle * swing).mean(axis=(1, 2)),
     )
-
-
-def effects_of(found: Mapping[str, Array]) -> Effects:
-    """The effects among arrays by name, where each is called `effect_` and its name."""
-    return Effects(**{each.name: found[f"effect_{each.name}"] for each in fields(Effects)})
 
 
 def further_loads(record: Record, turbine: StateSpace, rotor_speed: float) -> tuple[Array, Array]:
@@ -155,19 +133,23 @@ def respond(system: StateSpace, inputs: Array, block: int = BLOCK) -> Array:
 
 
 def effects_section(
-    found: Mapping[str, Effects], labels: Mapping[str, str], open_loop: Effects, realisations: int
+    found: Mapping[str, tuple[Effects, Duty]],
+    labels: Mapping[str, str],
+    open_loop: Effects,
+    realisations: int,
 ) -> Section:
     """Tables of side effects and of duty by controller; the base case is "lqg"."""
-    base = found["lqg"]
+    base = found["lqg"][1]
     loads, duty = [], []
-    for name, ours in found.items():
+    for name, (ours, moved) in found.items():
         changes = (paired_change(getattr(ours, key), getattr(open_loop, key)) for key in SIDE)
         loads.append((labels[name], *(percent(change) for change in changes)))
         degrees = (
-            np.rad2deg(getattr(ours, key).mean()) for key in ("travel", "rate_rms", "acceleration_rms")
+            np.rad2deg(getattr(moved, key).mean()) for key in ("travel", "rate_rms", "acceleration_rms")
         )
         shares = (
-            getattr(ours, key).mean() / getattr(base, key).mean() for key in ("inertial_power", "hinge_power")
+            getattr(moved, key).mean() / getattr(base, key).mean()
+            for key in ("inertial_power", "hinge_power")
         )
         duty.append(
             (labels[name], *(f"{value:.2f}" for value in degrees), *(f"{share:.2f}" for share in shares))
@@ -196,7 +178,7 @@ def effects_section(
     ]
     if "pd" in found:
         inertial, hinge = (
-            100.0 * (getattr(found["pd"], key).mean() / getattr(base, key).mean() - 1.0)
+            100.0 * (getattr(found["pd"][1], key).mean() / getattr(base, key).mean() - 1.0)
             for key in ("inertial_power", "hinge_power")
         )
         verdict = "agrees" if inertial > 0.0 else "disagrees"

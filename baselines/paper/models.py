@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
-from flapgym.aeroelastic.build import build_model
-from flapgym.aeroelastic.model import FORMAT_VERSION, TurbineModel, load_model, save_model
+from flapgym.aeroelastic.cache import cached_model
+from flapgym.aeroelastic.model import TurbineModel
 from flapgym.turbine import Case
-
-BUILD = 1
-"""Raised when a case builds another model than it did, so that kept ones are not found."""
 
 
 def heavier(case: Case, factor: float) -> Case:
@@ -45,9 +41,6 @@ VARIATIONS: dict[str, Callable[[Case], Case]] = {
 }
 
 
-def built(case: Case, folder: Path, tell: Callable[[str], None]) -> TurbineModel:
-    """The model of a case, from `folder` if it was built there before."""
-    path = folder / f"model-{BUILD}-{FORMAT_VERSION}-{case.hash()[:16]}.safetensors"
-    if not path.is_file():
-        save_model(build_model(case, lambda stage: tell(f"build: {stage}")), path)
-    return load_model(path)
+def built(case: Case, tell: Callable[[str], None]) -> TurbineModel:
+    """The model of a case, from the user's cache of models if it was ever built."""
+    return cached_model(case, lambda stage: tell(f"build: {stage}"))

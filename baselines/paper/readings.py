@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from baselines.paper.cache import Cache
-from baselines.paper.controllers import shipped_weights
 from baselines.paper.document import Section, Table, percent
-from baselines.paper.scores import Trial, measured, metrics_of
+from baselines.paper.scores import Trial, measured, metrics_of, named
 from baselines.settings import Tuning
+from baselines.shipped import shipped_weights
 from baselines.tuning import Bench, LinearController, meet_the_stops
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import OpenLoop, lqg_agent, stability
@@ -74,7 +74,7 @@ def reading(
     advanced: Callable[[str], None],
 ) -> Reading:
     """Tune the base case on a model by the paper's rule, all but the weight on the moment as shipped, and score it."""
-    base = shipped_weights(model)
+    base = shipped_weights("lqg")
 
     def design(weight: float) -> LinearController:
         return lqg_agent("lqg", model, replace(base, rbm=weight))
@@ -95,7 +95,9 @@ def reading(
     }
     weight, margin = cache.arrays("reading", settings, found)["weight"]
     ours, reference = (
-        metrics_of(measured(agent, model, trial, cache, advanced, lambda record: asdict(measure(record))))
+        metrics_of(
+            measured(agent, model, trial, cache, advanced, lambda record: named(metrics=measure(record)))
+        )
         for agent in (design(float(weight)), OpenLoop())
     )
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from baselines.paper.cache import Cache, fingerprint
+from baselines.paper.scores import mark
 from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control import closed_loop, stability, stationary_rms
-from flapgym.control.margins import delay_margin, disk_margin, late_measurement
+from flapgym.control import closed_loop, growth_per_turn, stability, stationary_rms
+from flapgym.control.channels import ROTOR
+from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS, with_effectiveness
+from flapgym.control.margins import FREQUENCIES, delay_margin, disk_margin, late_measurement
+from flapgym.control.periodic import HARMONICS, LAST, RESOLUTION, periodic_disk_margin
 from flapgym.state_space import Array, StateSpace
 
 EFFECTIVENESS = (0.7, 1.0, 1.3)
@@ -24,14 +29,19 @@ CONDITIONS = (
     *(f"noise {100 * noise:g} %" for noise in NOISES),
     *(f"delay {delay}" for delay in DELAYS),
 )
+PERIODIC_CONDITIONS = ("as designed", "flap x 0.7", "flap x 1.3", "delay 5")
 MARGINS = (
     "disk margin",
     "at [Hz]",
     "gain up to",
     "phase [deg]",
     "flap's effect up to",
-    "delay up to [ms] (420 tried)",
+    "more grows at [Hz]",
+    "delay up to [ms]",
+    "longer grows at [Hz]",
 )
+LONGEST = 60
+"""Steps of delay tried."""
 
 
 def sensitivity(
@@ -39,21 +49,16 @@ def sensitivity(
     model: TurbineModel,
     others: Mapping[str, TurbineModel],
     cache: Cache,
-    advanced: Callable[[str], None],
-) -> tuple[Array, Array]:
-    """Loads and stroke of the linear loop under each of ``CONDITIONS`` and on other turbines; then ``MARGINS``.
+) -> Array:
+    """Loads and stroke of the linear loop under each of ``CONDITIONS``, then on other turbines.
 
     Returns
     -------
-    changes : (5, conditions + others) float
+    (5, conditions + others) float
         Change of the moment's and the tip's rms against open loop on that turbine in the same wind, fractions; rms
         flap angle [rad]; NaN where the loop is unstable. Then frequency [Hz] and doubling time [s] of what grows
         fastest, NaN where nothing does.
-    margins : (6,) float
-        In the order of ``MARGINS``; infinite without bound.
     """
-    system = agent.system
-    mark = {"agent": fingerprint(system.A, system.B, system.C, system.D)}
 
     def changes() -> dict[str, Array]:
         cases: list[dict[str, float]] = [{"effectiveness": factor} for factor in EFFECTIVENESS]
@@ -64,30 +69,93 @@ def sensitivity(
         columns += [_change(other, agent, 0) for other in others.values()]
         return {"changes": np.array(columns).T}
 
-    turbines = {"others": [other.hash for other in others.values()]}
-    found = cache.arrays(f"sensitivity-{agent.name}", mark | turbines, changes)["changes"]
-    advanced(agent.name)
-    return found, margins(agent, model, cache)
+    inputs = {
+        "agent": mark(agent),
+        "conditions": CONDITIONS,
+        "others": [other.hash for other in others.values()],
+    }
+    return cache.arrays(f"sensitivity-{agent.name}", inputs, changes)["changes"]
 
 
-def margins(agent: LinearController, model: TurbineModel, cache: Cache) -> Array:
-    """``MARGINS`` of the full closed loop (6,), in their order; infinite without bound."""
-    system = agent.system
+def growths(
+    agent: LinearController, model: TurbineModel, others: Mapping[str, TurbineModel], cache: Cache
+) -> Array:
+    """Growth over a turn of a loop that is periodic, under ``PERIODIC_CONDITIONS`` and then on other turbines."""
+
+    def found() -> dict[str, Array]:
+        late = late_measurement(agent.system, 5, model.rotor_speed)
+        values = [growth_per_turn(model, agent.system)]
+        values += [growth_per_turn(_with_effect(model, factor), agent.system) for factor in (0.7, 1.3)]
+        values += [growth_per_turn(model, late)]
+        values += [growth_per_turn(other, agent.system) for other in others.values()]
+        return {"growth": np.array(values)}
+
+    inputs = {
+        "agent": mark(agent),
+        "conditions": PERIODIC_CONDITIONS,
+        "others": [other.hash for other in others.values()],
+    }
+    return cache.arrays(f"growth-{agent.name}", inputs, found)["growth"]
+
+
+def margins(name: str, system: StateSpace, model: TurbineModel, cache: Cache) -> Array:
+    """``MARGINS`` of the full closed loop (8,), in their order; infinite without bound, NaN where nothing grows.
+
+    A controller in the blades' own frames, ROTOR's, has a periodic loop: lifted for the disk margin, and for the other
+    two followed over turns, which does not tell the frequency.
+    """
+    periodic = system.inputs == ROTOR.inputs
 
     def make() -> dict[str, Array]:
-        disk = disk_margin(model, system)
-        found = [
-            disk.alpha,
-            disk.frequency,
-            disk.gain[1],
-            np.rad2deg(disk.phase),
-            stability(model, system).effectiveness_margin,
-            1e3 * model.time_step * delay_margin(model, system),
-        ]
-        return {"margins": np.array(found)}
+        disk = periodic_disk_margin(model, system) if periodic else disk_margin(model, system)
+        effect, delay = _periodic_limits(model, system) if periodic else _limits(model, system)
+        found = [disk.alpha, disk.frequency, disk.gain[1], np.rad2deg(disk.phase)]
+        return {"margins": np.array([*found, *effect, *delay])}
 
-    mark = {"agent": fingerprint(system.A, system.B, system.C, system.D)}
-    return cache.arrays(f"margins-{agent.name}", mark, make)["margins"]
+    inputs = {
+        "controller": fingerprint(system.A, system.B, system.C, system.D),
+        "longest": LONGEST,
+        "frequencies": fingerprint(FREQUENCIES),
+        "periodic": [HARMONICS, RESOLUTION, LAST],
+    }
+    return cache.arrays(f"margins-{name}", inputs, make)["margins"]
+
+
+def _limits(model: TurbineModel, system: StateSpace) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Factor on the flap's effect and delay [ms] borne, each with the frequency of what grows beyond it [Hz]."""
+    effect = stability(model, system).effectiveness_margin
+    delay = delay_margin(model, system, LONGEST)
+    late = late_measurement(system, delay + 1, model.rotor_speed)
+    beyond = (
+        growth(closed_loop(model, system, 1.02 * effect)),
+        None if delay == LONGEST else growth(closed_loop(model, late)),
+    )
+    first, second = (np.nan if one is None else one[0] for one in beyond)
+    return (effect, first), (1e3 * model.time_step * delay, second)
+
+
+def _periodic_limits(
+    model: TurbineModel, system: StateSpace
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The same of a periodic loop, the factor to a hundredth."""
+    low, high = 1.0, 1.25
+    while high < LARGEST_EFFECTIVENESS and growth_per_turn(_with_effect(model, high), system) < 1.0:
+        low, high = high, 1.25 * high
+    while high - low > 0.01:
+        middle = 0.5 * (low + high)
+        stable = growth_per_turn(_with_effect(model, middle), system) < 1.0
+        low, high = (middle, high) if stable else (low, middle)
+    delay = 0
+    while delay < LONGEST:
+        late = late_measurement(system, delay + 1, model.rotor_speed)
+        if growth_per_turn(model, late) >= 1.0:
+            break
+        delay += 1
+    return (low, np.nan), (1e3 * model.time_step * delay, np.nan)
+
+
+def _with_effect(model: TurbineModel, factor: float) -> TurbineModel:
+    return replace(model, turbine=with_effectiveness(model.turbine, factor))
 
 
 def growth(loop: StateSpace) -> tuple[float, float] | None:

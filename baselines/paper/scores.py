@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.stats import bootstrap
@@ -12,10 +12,12 @@ from scipy.stats import bootstrap
 from baselines.paper.cache import Cache, fingerprint
 from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control import Agent, Policy
+from flapgym.control import Agent, Policy, PredictiveController
 from flapgym.evaluation import SCORED_SEED, Estimate, Metrics, Record, paired_change, simulate
 from flapgym.evaluation.bootstrap import CONFIDENCE, SMALLEST_CORRECTED
 from flapgym.state_space import Array
+
+Data = TypeVar("Data")
 
 TOGETHER = 6700.0
 """Seconds of wind simulated side by side, 25 realisations of 20 L/U; 0.3 GB."""
@@ -85,23 +87,35 @@ def measured(
     take: Callable[[Record], Mapping[str, Array]],
 ) -> dict[str, Array]:
     """What `take` finds in the records of an agent, all realisations joined; `advanced` is told of every batch."""
+
+    def make(seeds: Sequence[int]) -> Mapping[str, Array]:
+        return take(simulate(agent, model, seeds, trial.duration, **trial.settings))
+
+    inputs = {"agent": mark(agent), "model": model.hash}
+    return joined(agent.name, inputs, trial, cache, advanced, make)
+
+
+def joined(
+    name: str,
+    inputs: Mapping[str, Any],
+    trial: Trial,
+    cache: Cache,
+    advanced: Callable[[str], None],
+    make: Callable[[Sequence[int]], Mapping[str, Array]],
+) -> dict[str, Array]:
+    """What `make` finds for the seeds of each batch, joined; `inputs` is all else it depends on."""
     parts = []
     for seeds in batches(trial.realisations, trial.duration):
         settings = {
-            "agent": mark(agent),
-            "model": model.hash,
+            **inputs,
             "first": seeds[0],
             "count": len(seeds),
             "duration": trial.duration,
             "settings": dict(trial.settings),
         }
-
-        def make(seeds: Sequence[int] = seeds) -> Mapping[str, Array]:
-            return take(simulate(agent, model, seeds, trial.duration, **trial.settings))
-
-        parts.append(cache.arrays(f"{trial.name}-{agent.name}", settings, make))
-        advanced(agent.name)
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        parts.append(cache.arrays(f"{trial.name}-{name}", settings, lambda seeds=seeds: make(seeds)))  # type: ignore[misc]
+        advanced(name)
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
 
 def mark(agent: Agent) -> str:
@@ -110,12 +124,26 @@ def mark(agent: Agent) -> str:
         return fingerprint(agent.system.A, agent.system.B, agent.system.C, agent.system.D, agent.start)
     if isinstance(agent, Policy):
         return fingerprint(agent.offset, agent.scale, *agent.weights, *agent.biases)
+    if isinstance(agent, PredictiveController):
+        linear, ahead = agent.unconstrained, agent.horizon
+        matrices = (ahead.gain, ahead.preview_gain, ahead.from_state, ahead.from_wind, ahead.from_offsets)
+        return fingerprint(linear.A, linear.B, linear.C, linear.D, *matrices)
     return agent.name
 
 
+def named(**parts: Any) -> dict[str, Array]:
+    """Arrays of dataclasses by name: the keyword, an underscore and the field's."""
+    return {f"{part}_{key}": value for part, data in parts.items() for key, value in asdict(data).items()}
+
+
+def rebuilt(kind: type[Data], part: str, found: Mapping[str, Array]) -> Data:
+    """The dataclass `named` took apart."""
+    return kind(**{each.name: found[f"{part}_{each.name}"] for each in fields(kind)})  # type: ignore[arg-type]
+
+
 def metrics_of(found: Mapping[str, Array]) -> Metrics:
-    """The metrics among arrays by name."""
-    return Metrics(**{each.name: found[each.name] for each in fields(Metrics)})
+    """The metrics among arrays of `named`."""
+    return rebuilt(Metrics, "metrics", found)
 
 
 def score(ours: Metrics, open_loop: Metrics, base: Metrics, model: TurbineModel) -> Score:

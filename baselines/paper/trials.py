@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from baselines.paper.cache import Cache
 from baselines.paper.document import Section, Table
 from baselines.paper.models import VARIATIONS, built
 from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES, growth
-from baselines.paper.scores import Trial, measured, metrics_of
+from baselines.paper.scores import Trial, measured, metrics_of, named
 from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop, closed_loop
@@ -61,13 +60,11 @@ class Outcome:
     grows: tuple[float, float] | None
 
 
-def conditions(
-    model: TurbineModel, case: Case, folder: Path, tell: Callable[[str], None]
-) -> Iterator[Condition]:
+def conditions(model: TurbineModel, case: Case, tell: Callable[[str], None]) -> Iterator[Condition]:
     """As designed, then one thing changed at a time."""
     yield Condition("as designed", model)
     for label, change in VARIATIONS.items():
-        yield Condition(label, built(change(case), folder, tell))
+        yield Condition(label, built(change(case), tell))
     for factor in EFFECTIVENESS:
         if factor != 1.0:
             weaker = replace(model, turbine=with_effectiveness(model.turbine, factor))
@@ -98,7 +95,7 @@ def outcome(
             replace(trial, settings=settings),
             cache,
             tell,
-            lambda record: asdict(measure(record)),
+            lambda record: named(metrics=measure(record)),
         )
         return metrics_of(found)
 

@@ -36,6 +36,10 @@ TOLERANCE = 1e-8
 """Of the solver."""
 
 
+CONSTANTS = (MOMENT, FLAP_BANDWIDTH, FLAP_DAMPING, ACCURACY, HOLD, REACH, PENALTY, TOLERANCE)
+"""All a bound depends on beside wind and turbine."""
+
+
 @dataclass(frozen=True, eq=False)
 class Bound:
     """The best motion of a flap over one realisation.

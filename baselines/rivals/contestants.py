@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.rivals.bound import Bound
+from baselines.shipped import loaded, shipped_weights
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control import Agent, OpenLoop, PredictiveController, Weights, agent_design, load_agent, made_for
+from flapgym.control import Agent, OpenLoop, PredictiveController
 from flapgym.control.agent import BLADES, Array, Floats
 from flapgym.control.rotor_controller import RotorController
 
@@ -44,29 +45,20 @@ def rivals(model: TurbineModel) -> list[Rival]:
     """
     found = [Rival(OpenLoop(), "open loop")]
     for name, label in SHIPPED.items():
-        agent = load_agent(name, model)
-        if not made_for(agent, model):
-            raise ValueError(
-                f"agent {name}: not tuned on the model {model.name}; run python -m baselines.tune"
-            )
+        agent = loaded(name, model)
         found.append(Rival(agent, label))
         if isinstance(agent, RotorController) and name == "individual_flap":
             found.append(Rival(tilt_and_yaw_alone(agent), "tilt and yaw PID alone"))
-    # What differs from the saturating LQG is what MPC knows, not what it weighs.
-    weights = shipped_weights("lqg_saturating")
-    found.append(Rival(PredictiveController("mpc", model, weights), "MPC, knows the stops"))
-    for seconds in PREVIEWS:
-        agent = PredictiveController(
-            f"mpc_{seconds:g}s", model, weights, preview=round(seconds / model.time_step)
-        )
-        found.append(Rival(agent, f"MPC, {seconds:g} s of wind ahead"))
+    found.append(Rival(predictive(model), "MPC, knows the stops"))
+    found += [Rival(predictive(model, seconds), f"MPC, {seconds:g} s of wind ahead") for seconds in PREVIEWS]
     return found
 
 
-def shipped_weights(name: str) -> Weights:
-    """Those of a shipped LQG."""
-    design = agent_design(name)
-    return Weights(**{key: design[key] for key in ("rbm", "flap_angle", "acceleration", "measurement_noise")})
+def predictive(model: TurbineModel, seconds: float = 0.0) -> PredictiveController:
+    """MPC with so much preview; what differs from the saturating LQG is what it knows, not what it weighs."""
+    name = f"mpc_{seconds:g}s" if seconds else "mpc"
+    preview = round(seconds / model.time_step)
+    return PredictiveController(name, model, shipped_weights("lqg_saturating"), preview)
 
 
 def tilt_and_yaw_alone(agent: RotorController) -> RotorController:

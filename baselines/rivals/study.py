@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from baselines.paper.cache import Cache, fingerprint
+from baselines.paper.cache import Cache
+from baselines.paper.duty import Duty, measure_duty
 from baselines.paper.effects import respond
-from baselines.rivals.bound import HOLD, Bound, best_flap, flap_response
-from baselines.rivals.contestants import PlannedFlap, Rival, rivals, shipped_weights
-from baselines.rivals.duty import Duty, as_array, at_equal_load, measure_duty
+from baselines.paper.robustness import margins
+from baselines.paper.scores import Trial, batches, joined, mark, measured, named, rebuilt
+from baselines.rivals.bound import CONSTANTS, HOLD, Bound, best_flap, flap_response
+from baselines.rivals.contestants import PREVIEWS, PlannedFlap, Rival, predictive, rivals
+from baselines.rivals.equal_load import CALM, as_array, at_equal_load, shipped_gains
+from baselines.shipped import loaded, shipped_weights
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop, PredictiveController
+from flapgym.control.horizon import BLOCKS
 from flapgym.evaluation import (
     SCORED_SEED,
     Metrics,
@@ -24,14 +29,20 @@ from flapgym.evaluation import (
     root_mean_square,
     simulate,
 )
-from flapgym.state_space import Array
+from flapgym.state_space import Array, StateSpace
 
-BATCH = 25
-"""Realisations simulated side by side, and lost at most to an interrupt; 0.3 GB."""
 NOISES = (0.0, 0.01, 0.05, 0.1)
 """Measurement noise of the comparison at equal load, over the open-loop rms moment."""
-BLADE_REALISATIONS = 5
-"""Of the bound on the clamped blade alone."""
+FEW = 5
+"""Realisations of the bound on the clamped blade alone, and of other horizons."""
+HORIZONS = {
+    "1.3 s": BLOCKS,
+    "0.1 s": (1, 1, 1, 1, 2, 4, 4),
+    "0.45 s": BLOCKS[:12],
+    "0.45 s, offsets step by step": (1,) * 64,
+    "2.7 s": (*BLOCKS, 64, 128),
+}
+"""Steps for which the offsets of predictive control are held, the shipped ones first."""
 TUNING_SEED = 2_000_000
 """Of the realisation on which solving is timed."""
 TIMED = 60.0
@@ -90,10 +101,22 @@ class Study:
     tell: Tell
 
     @property
+    def trial(self) -> Trial:
+        """The scored realisations."""
+        return Trial("rival", self.realisations, self.duration)
+
+    @property
+    def few(self) -> Trial:
+        """The first of them."""
+        return replace(self.trial, name="few", realisations=min(self.realisations, FEW))
+
+    @property
     def rounds(self) -> int:
-        """How often `all_outcomes`, `ideal` and `single_blade` tell of something."""
-        blade = min(self.realisations, BLADE_REALISATIONS)
-        return len(self._batches()) * (len(rivals(self.model)) + 1) + blade
+        """How often `tell` is told of something."""
+        runs = len(rivals(self.model)) + 1
+        some = len(batches(self.few.realisations, self.duration)) * (len(HORIZONS) + 1)
+        tried = len(margins_of(self.model))
+        return len(batches(self.realisations, self.duration)) * runs + self.few.realisations + some + tried
 
     def all_outcomes(self) -> dict[str, tuple[Rival, Outcome]]:
         """Every rival's outcome, by name, open loop first."""
@@ -107,20 +130,20 @@ class Study:
             free = simulate(OpenLoop(), self.model, seeds, self.duration).rbm.mean(axis=2)
             plans = [best_flap(each, response, self.model) for each in free]
             played = simulate(PlannedFlap(self.model, plans, HOLD), self.model, seeds, self.duration)
-            return self._arrays(played) | {
+            return self._taken(played) | {
                 "gap": np.array([plan.gap for plan in plans]),
                 "residual": np.array([plan.residual for plan in plans]),
                 "programme_rms": np.array([_rms(plan) for plan in plans]),
             }
 
-        found = self._joined("bound", {"hold": HOLD}, of)
+        found = joined("bound", {"constants": CONSTANTS}, self.trial, self.cache, self.tell, of)
         extra = {key: found[key] for key in ("gap", "residual", "programme_rms")}
         return Ideal(_outcome(found), **extra)
 
     def single_blade(self) -> dict[str, Array]:
         """Rms of moment and tip and DEL of the clamped blade, (realisations, 2): without the flap, and at its bound."""
         model, blade = self.model, self.model.blade
-        seeds = range(SCORED_SEED, SCORED_SEED + min(self.realisations, BLADE_REALISATIONS))
+        seeds = range(SCORED_SEED, SCORED_SEED + self.few.realisations)
 
         def make() -> dict[str, Array]:
             response = flap_response(model, blade)
@@ -140,7 +163,8 @@ class Study:
             ]
             return {"rbm_rms": rms[..., 0], "tip_rms": rms[..., 1], "rbm_del": np.array(fatigue)}
 
-        return self.cache.arrays("blade-bound", {"count": len(seeds), "duration": self.duration}, make)
+        inputs = {"first": seeds[0], "count": len(seeds), "duration": self.duration, "constants": CONSTANTS}
+        return self.cache.arrays("blade-bound", inputs, make)
 
     def equal_load(self) -> Array:
         """(noises, controllers, columns): LQG, PD, PID and calm LQG at the LQG's load; columns of `EqualLoad`."""
@@ -151,13 +175,45 @@ class Study:
                 "found": np.array([as_array(at_equal_load(self.model, weights, noise)) for noise in NOISES])
             }
 
-        return self.cache.arrays("equal-load", {"noises": NOISES, "weights": asdict(weights)}, make)["found"]
+        pd, pid = shipped_gains()
+        designs = [asdict(weights), asdict(CALM), asdict(pd), asdict(pid)]
+        inputs = {"noises": NOISES, "designs": designs}
+        return self.cache.arrays("equal-load", inputs, make)["found"]
+
+    def horizons(self) -> dict[str, float]:
+        """Change of the RBM rms of MPC against open loop on the first realisations, by label of the horizon."""
+
+        def of(agent: Agent) -> Metrics:
+            found = measured(
+                agent,
+                self.model,
+                self.few,
+                self.cache,
+                self.tell,
+                lambda record: named(metrics=measure(record)),
+            )
+            return rebuilt(Metrics, "metrics", found)
+
+        still, weights = of(OpenLoop()).rbm_rms, shipped_weights("lqg_saturating")
+        agents = {
+            label: PredictiveController("mpc", self.model, weights, blocks=blocks)
+            for label, blocks in HORIZONS.items()
+        }
+        return {label: float((of(each).rbm_rms / still).mean() - 1.0) for label, each in agents.items()}
+
+    def margins(self) -> dict[str, Array]:
+        """``MARGINS`` of the loops with the saturating LQG and with MPC, no stop in sight, by label."""
+        found = {}
+        for label, (name, system) in margins_of(self.model).items():
+            found[label] = margins(name, system, self.model, self.cache)
+            self.tell(name)
+        return found
 
     def solve_times(self) -> Array:
         """Seconds by the clock of each constrained optimum of predictive control on a minute of wind, with its call."""
+        agent = predictive(self.model)
 
         def make() -> dict[str, Array]:
-            agent = PredictiveController("mpc", self.model, shipped_weights("lqg_saturating"))
             spent: list[float] = []
             solve = agent.within
 
@@ -171,56 +227,30 @@ class Study:
             simulate(agent, self.model, [TUNING_SEED], TIMED)
             return {"spent": np.array(spent)}
 
-        return self.cache.arrays("solve-times", {"seconds": TIMED}, make)["spent"]
+        inputs = {"agent": mark(agent), "seed": TUNING_SEED, "seconds": TIMED}
+        return self.cache.arrays("solve-times", inputs, make)["spent"]
 
     def _outcome(self, agent: Agent) -> Outcome:
-        settings = {"agent": _mark(agent), "preview": getattr(agent, "preview", 0)}
-        return _outcome(
-            self._joined(
-                agent.name,
-                settings,
-                lambda seeds: self._arrays(simulate(agent, self.model, seeds, self.duration)),
-            )
-        )
+        return _outcome(measured(agent, self.model, self.trial, self.cache, self.tell, self._taken))
 
-    def _arrays(self, record: Record) -> dict[str, Array]:
-        duty = measure_duty(record, self.model.flap_angle_limit)
-        return {f"metrics_{key}": value for key, value in asdict(measure(record)).items()} | {
-            f"duty_{key}": value for key, value in asdict(duty).items()
-        }
-
-    def _joined(
-        self, name: str, settings: dict[str, object], make: Callable[[Sequence[int]], dict[str, Array]]
-    ) -> dict[str, Array]:
-        parts = []
-        for seeds in self._batches():
-            key = settings | {"first": seeds[0], "count": len(seeds), "duration": self.duration}
-            parts.append(self.cache.arrays(f"rival-{name}", key, lambda seeds=seeds: make(seeds)))  # type: ignore[misc]
-            self.tell(name)
-        return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-
-    def _batches(self) -> list[range]:
-        last = SCORED_SEED + self.realisations
-        return [range(first, min(first + BATCH, last)) for first in range(SCORED_SEED, last, BATCH)]
+    def _taken(self, record: Record) -> dict[str, Array]:
+        return named(metrics=measure(record), duty=measure_duty(record, self.model.flap_angle_limit))
 
 
-def _outcome(found: dict[str, Array]) -> Outcome:
-    return Outcome(
-        Metrics(**{each.name: found[f"metrics_{each.name}"] for each in fields(Metrics)}),
-        Duty(**{each.name: found[f"duty_{each.name}"] for each in fields(Duty)}),
-    )
+def margins_of(model: TurbineModel) -> dict[str, tuple[str, StateSpace]]:
+    """Names and linear controllers, by label, whose margins the report compares."""
+    saturating = loaded("lqg_saturating", model)
+    found = {"LQG, stops cut it": (saturating.name, saturating.system)}
+    for seconds in (0.0, *PREVIEWS):
+        agent = predictive(model, seconds)
+        label = f"MPC, {seconds:g} s of wind ahead" if seconds else "MPC, knows the stops"
+        found[label] = (agent.name, agent.unconstrained)
+    return found
+
+
+def _outcome(found: Mapping[str, Array]) -> Outcome:
+    return Outcome(rebuilt(Metrics, "metrics", found), rebuilt(Duty, "duty", found))
 
 
 def _rms(plan: Bound) -> float:
     return float(np.sqrt(np.mean(plan.rbm**2)))
-
-
-def _mark(agent: Agent) -> str:
-    """What tells one agent's results from another's of the same name."""
-    if isinstance(agent, PredictiveController):
-        system = agent.unconstrained
-    elif hasattr(agent, "system"):
-        system = agent.system
-    else:
-        return agent.name
-    return fingerprint(system.A, system.B, system.C, system.D)

@@ -9,11 +9,11 @@ import pytest
 from baselines.paper import __main__ as program
 from baselines.paper import scores
 from baselines.paper.cache import Cache
-from baselines.paper.control_sections import LABELS, gust_alleviation, more, robustness
+from baselines.paper.control_sections import gust_alleviation, more, robustness
 from baselines.paper.controllers import Plants, swaying_wind
 from baselines.paper.document import Section, Table, as_html, as_markdown, from_markdown, summary
 from baselines.paper.readings import Reading, readings_section
-from baselines.paper.robustness import CONDITIONS, sensitivity
+from baselines.paper.robustness import CONDITIONS, MARGINS, margins, sensitivity
 from baselines.paper.scores import score
 from baselines.paper.structure_sections import table_2
 from baselines.paper.turbine_sections import _lag
@@ -21,6 +21,7 @@ from flapgym.aeroelastic import load_model
 from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.control import Weights, closed_loop, lqg_agent, stationary_rms
 from flapgym.control.closed_loop import with_effectiveness
+from flapgym.control.margins import late_measurement
 from flapgym.evaluation import Estimate, Metrics
 from flapgym.state_space import StateSpace
 from flapgym.turbine import load_case
@@ -121,7 +122,7 @@ def test_a_disagreement_with_the_paper_is_said():
         for name, value in estimate.items()
     }
     assert more(made["lqg_frozen"]) == pytest.approx(-23.1)
-    text = as_markdown("t", [gust_alleviation(made, made["lqg"].changes, 50, 267.0)], Path())
+    text = as_markdown("t", [gust_alleviation(made, made["lqg"].changes, 50, 267.0, 0.05)], Path())
     assert "2.6 % less reduction of the RBM rms than the base case (95 % interval -30.0 to +0.0 %)" in text
     assert "the paper says similar: agrees" in text
     assert "the paper says less than 5 % different: disagrees" in text
@@ -130,20 +131,41 @@ def test_a_disagreement_with_the_paper_is_said():
 def test_robustness_at_the_design_point_is_the_loops_own_rms(tmp_path):
     agent = lqg_agent("lqg", MODEL, Weights(3.0))
     heavy = {"heavy": replace(MODEL, turbine=with_effectiveness(MODEL.turbine, 50.0)), "same": MODEL}
-    changes, margins = sensitivity(agent, MODEL, heavy, Cache(tmp_path, "a"), lambda name: None)
+    changes = sensitivity(agent, MODEL, heavy, Cache(tmp_path, "a"))
     expected = stationary_rms(MODEL, agent.system)["rbm"] / stationary_rms(MODEL)["rbm"] - 1.0
     for condition in ("flap x 1", "L 147 m", "delay 0"):
         assert changes[0, CONDITIONS.index(condition)] == pytest.approx(expected, rel=1e-9)
     assert changes[0, -1] == pytest.approx(expected, rel=1e-9)
     assert np.isnan(changes[0, -2])
     assert changes[4, -2] > 0.0
-    assert "doubles in" in as_markdown("t", [robustness({"lqg": (changes, margins)}, tuple(heavy))], Path())
     weak, strong = (changes[0, CONDITIONS.index(f"flap x {factor}")] for factor in ("0.7", "1.3"))
     assert strong < expected < weak < 0.0
-    assert closed_loop(MODEL, agent.system, 0.99 * margins[4]).spectral_radius() < 1.0
-    beside = robustness({"lqg": (changes, margins)}, tuple(heavy), {"PID": margins}).content[-1]
-    assert [row[0] for row in beside.rows] == [LABELS["lqg"], "PID"]
-    assert beside.rows[0][1:] == beside.rows[1][1:]
+
+
+def test_margins_are_where_the_loop_begins_to_grow(tmp_path):
+    agent = lqg_agent("lqg", MODEL, Weights(30.0))
+    found = dict(zip(MARGINS, margins("lqg", agent.system, MODEL, Cache(tmp_path, "a")), strict=True))
+    assert closed_loop(MODEL, agent.system, 0.99 * found["flap's effect up to"]).spectral_radius() < 1.0
+    steps = round(found["delay up to [ms]"] / 7.0)
+    for further, stable in ((0, True), (1, False)):
+        late = late_measurement(agent.system, steps + further, MODEL.rotor_speed)
+        assert (closed_loop(MODEL, late).spectral_radius() < 1.0) == stable
+
+
+def test_what_grows_and_what_has_no_bound_is_said():
+    changes = np.tile([[-0.2], [-0.2], [0.04], [np.nan], [np.nan]], len(CONDITIONS) + 1)
+    worse = changes.copy()
+    worse[:, -1] = np.nan, np.nan, np.nan, 3.8, 47.0
+    found = {"LQG": worse, "PD": changes}
+    text = as_markdown(
+        "t",
+        [robustness(found, {}, {"PD": np.array([1.0, 2.0, 3.0, 4.0, np.inf, np.nan, 7.0, 8.0])}, ("heavy",))],
+        Path(),
+    )
+    assert "| heavy | grows: 3.8 Hz, doubles in 47 s | -20.0 / -20.0 / 2.29 |" in text
+    assert "LQG grows under: heavy." in text
+    assert "Stable under all of them: PD." in text
+    assert "| PD | 1 | 2 | 3 | 4 | no bound |  | 7 | 8 |" in text
 
 
 def test_a_model_of_other_inputs_than_the_case_is_refused(tmp_path):

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baselines.paper import models
 from baselines.paper.cache import Cache
-from baselines.paper.effects import Effects, effects_section, further_loads, measure_effects, respond
-from baselines.paper.models import VARIATIONS, built, unscaled_flap
+from baselines.paper.duty import Duty
+from baselines.paper.effects import Effects, effects_section, further_loads, respond
+from baselines.paper.models import VARIATIONS, unscaled_flap
 from baselines.paper.scores import Trial
 from baselines.paper.trials import Condition, Outcome, outcome, trials_section
 from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.control import Weights, lqg_agent
-from flapgym.evaluation import Estimate, Record, root_mean_square, simulate
+from flapgym.evaluation import Estimate, root_mean_square, simulate
 from flapgym.turbine import load_case
 from tests.synthetic import synthetic_model
 
@@ -50,22 +50,6 @@ def test_what_else_the_flaps_do_is_what_the_simulation_says_they_do():
     np.testing.assert_allclose(tower[:, late_half, 0], record.tower_fore_aft[:, late_half], atol=2e-3)
 
 
-def test_duty_of_a_sinusoidal_flap_known_by_hand():
-    time = 0.007 * np.arange(20000)
-    omega, amplitude = 2.0 * np.pi, 0.1
-    still = np.zeros((1, time.size))
-    angle = np.tile((amplitude * np.sin(omega * time))[None, :, None], (1, 1, 3))
-    rate = np.tile((amplitude * omega * np.cos(omega * time))[None, :, None], (1, 1, 3))
-    record = Record(0.0 * angle, 0.0 * angle, angle, rate, still + 0.5, still, still, np.zeros(1), 0.007)
-    found = measure_effects(record, STUDIED, MODEL.rotor_speed)
-    assert found.travel[0] == pytest.approx(4.0 * amplitude, rel=1e-3)
-    assert found.rate_rms[0] == pytest.approx(amplitude * omega / np.sqrt(2.0), rel=1e-3)
-    assert found.acceleration_rms[0] == pytest.approx(amplitude * omega**2 / np.sqrt(2.0), rel=1e-3)
-    # The modulus of half a sine of twice the frequency has the mean 1 / pi.
-    assert found.hinge_power[0] == pytest.approx(amplitude**2 * omega / np.pi, rel=1e-3)
-    assert found.inertial_power[0] == pytest.approx(amplitude**2 * omega**3 / np.pi, rel=1e-3)
-
-
 def test_variations_change_one_thing_each():
     case = load_case()
     hashes = {
@@ -76,19 +60,6 @@ def test_variations_change_one_thing_each():
     assert len(hashes) == 2 + len(VARIATIONS)
     slower = VARIATIONS["wind 8 m/s"](case)
     assert slower.rotor_speed == pytest.approx(case.rotor_speed * 8.0 / 11.0)
-
-
-def test_a_turbine_is_built_once(tmp_path, monkeypatch):
-    calls = []
-
-    def build(case, progress):
-        calls.append(case)
-        return MODEL
-
-    monkeypatch.setattr(models, "build_model", build)
-    for _ in range(2):
-        assert built(load_case(), tmp_path, lambda stage: None).hash == MODEL.hash
-    assert len(calls) == 1
 
 
 def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
@@ -122,8 +93,11 @@ def test_an_unstable_loop_is_marked():
 
 def test_effects_are_told_against_open_loop_and_the_base_case():
     one = np.full(3, 1.0)
-    calm = Effects(*([one] * 11))
-    found = {"lqg": calm, "pd": replace(calm, inertial_power=1.7 * one, edge_rms=1.1 * one)}
+    calm, duty = Effects(*([one] * 6)), Duty(*([one] * 6))
+    found = {
+        "lqg": (calm, duty),
+        "pd": (replace(calm, edge_rms=1.1 * one), replace(duty, inertial_power=1.7 * one)),
+    }
     section = effects_section(found, {"lqg": "LQG", "pd": "PD"}, calm, 3)
     assert section.content[1].rows[1][5].startswith("+10.0")
     assert section.content[3].rows[1][4] == "1.70"

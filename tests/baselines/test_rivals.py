@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from baselines.paper.duty import measure_duty
 from baselines.rivals import __main__ as program
 from baselines.rivals import bound as module
 from baselines.rivals import study as study_module
 from baselines.rivals.bound import best_flap, flap_response
 from baselines.rivals.contestants import PlannedFlap, tilt_and_yaw_alone
-from baselines.rivals.duty import EqualLoad, _stationary, at_equal_load, measure_duty
+from baselines.rivals.equal_load import EqualLoad, _stationary, at_equal_load
 from flapgym.aeroelastic import load_model
 from flapgym.control import (
     OpenLoop,
@@ -150,6 +151,7 @@ def test_duty_of_a_harmonic_motion():
     duty = measure_duty(Record(**known, **others, **missing), size)
     assert duty.travel[0] == pytest.approx(2 * size * frequency / np.pi, rel=1e-3)
     assert duty.rate_rms[0] == pytest.approx(size * frequency / np.sqrt(2.0), rel=1e-3)
+    assert duty.acceleration_rms[0] == pytest.approx(size * frequency**2 / np.sqrt(2.0), rel=1e-3)
     assert duty.inertial_power[0] == pytest.approx(size**2 * frequency**3 / np.pi, rel=1e-3)
     assert duty.hinge_power[0] == pytest.approx(size**2 * frequency / np.pi, rel=1e-3)
     assert duty.at_stop[0] == pytest.approx(2 * np.arccos(0.999) / np.pi, rel=0.05)
@@ -187,6 +189,9 @@ def test_a_finished_batch_is_not_computed_again(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("baselines.rivals.contestants.PREVIEWS", (0.2,))
     monkeypatch.setattr(study_module, "TIMED", 10.0)
     alike = dict.fromkeys(("lqg", "pd", "pid", "lqg_calm"), EqualLoad(-0.2, 0.04, 0.05, 0.04, 0.1, 0.01))
+    monkeypatch.setattr(study_module, "PREVIEWS", ())
+    monkeypatch.setattr(study_module, "HORIZONS", {"1.3 s": (1, 2), "0.1 s": (1, 1)})
+    monkeypatch.setattr(study_module, "margins", lambda *_: np.ones(8))
     monkeypatch.setattr(study_module, "at_equal_load", lambda model, weights, noise: alike)
     arguments = ["--realisations", "2", "--duration", "10", "--output", str(tmp_path)]
     assert program.main(arguments) == 0
@@ -197,6 +202,7 @@ def test_a_finished_batch_is_not_computed_again(tmp_path, monkeypatch, capsys):
         raise AssertionError("simulated again")
 
     monkeypatch.setattr(study_module, "simulate", never)
+    monkeypatch.setattr("baselines.paper.scores.simulate", never)
     assert program.main(arguments) == 0
     assert (tmp_path / "rivals.md").read_text() == first
 

@@ -1,4 +1,4 @@
-"""What it costs the actuator: duty of a flap on record, and of PD and PID brought to the LQG's load."""
+"""What the LQG's load costs the actuator of PD, PID and a calm LQG, brought to it."""
 
 from __future__ import annotations
 
@@ -21,47 +21,10 @@ from flapgym.control import (
     stationary_rms,
     synthesise,
 )
-from flapgym.evaluation import Record, root_mean_square
 from flapgym.state_space import Array, StateSpace
 
 CALM = Weights(rbm=0.5, flap_angle=1.0, acceleration=3.6, measurement_noise=0.1)
 """An LQG that weighs acceleration a thousand times as heavily as the shipped one and expects 10 % of noise."""
-
-AT_STOP = 0.999
-"""Share of the largest angle from which a flap counts as at its stop."""
-
-
-@dataclass(frozen=True, eq=False)
-class Duty:
-    """Of each realisation, arrays (N,), blades averaged.
-
-    Attributes
-    ----------
-    travel, rate_rms : path of a flap per second, rms of its rate [rad/s]
-    inertial_power : mean modulus of rate times acceleration: W per kg m^2 of flap about its hinge [rad^2/s^3]
-    hinge_power : mean modulus of angle times rate: W per N m/rad of hinge stiffness [rad^2/s]
-    at_stop : share of the time at a stop of the angle
-    """
-
-    travel: Array
-    rate_rms: Array
-    inertial_power: Array
-    hinge_power: Array
-    at_stop: Array
-
-
-def measure_duty(record: Record, angle_limit: float) -> Duty:
-    """Duty from every sample."""
-    angle, rate, dt = record.flap_angle, record.flap_rate, record.time_step
-    acceleration, swing = np.diff(rate, axis=1) / dt, np.diff(angle, axis=1) / dt
-    mean_rate, mean_angle = (0.5 * (each[:, 1:] + each[:, :-1]) for each in (rate, angle))
-    return Duty(
-        travel=np.abs(swing).mean(axis=(1, 2)),
-        rate_rms=root_mean_square(rate.reshape(len(rate), -1)),
-        inertial_power=np.abs(mean_rate * acceleration).mean(axis=(1, 2)),
-        hinge_power=np.abs(mean_angle * swing).mean(axis=(1, 2)),
-        at_stop=(np.abs(angle) >= AT_STOP * angle_limit).mean(axis=(1, 2)),
-    )
 
 
 @dataclass(frozen=True)
@@ -105,8 +68,7 @@ def at_equal_load(model: TurbineModel, weights: Weights, noise: float) -> dict[s
     design = design_model(model)
     target = stationary_rms(model, synthesise(design, weights), measurement_noise=sigma)
     found = {"lqg": _stationary(target, reference)}
-    pd = PDGains(**{each.name: agent_design("pd")[each.name] for each in fields(PDGains)})
-    pid = PIDGains(**{each.name: agent_design("pid")[each.name] for each in fields(PIDGains)})
+    pd, pid = shipped_gains()
     families: dict[str, tuple[Callable[[float], StateSpace], float]] = {
         "pd": (lambda gain: pd_agent("pd", model, replace(pd, proportional=gain)).system, pd.proportional),
         "pid": (
@@ -126,6 +88,15 @@ def at_equal_load(model: TurbineModel, weights: Weights, noise: float) -> dict[s
         gain = float(np.exp(brentq(excess, np.log(0.3 * start), np.log(3.0 * start), xtol=1e-4)))
         found[name] = _stationary(stationary_rms(model, family(gain), measurement_noise=sigma), reference)
     return found
+
+
+def shipped_gains() -> tuple[PDGains, PIDGains]:
+    """Of the shipped PD and PID."""
+    pd, pid = agent_design("pd"), agent_design("pid")
+    return (
+        PDGains(**{each.name: pd[each.name] for each in fields(PDGains)}),
+        PIDGains(**{each.name: pid[each.name] for each in fields(PIDGains)}),
+    )
 
 
 def _stationary(rms: dict[str, float], reference: float) -> EqualLoad:

@@ -229,8 +229,8 @@ def robustness(
             "blades whose errors differ; gain and phase are what it guarantees. That of a periodic loop is from its "
             "lifted form: the gain over all signals, harmonics of the rotor's speed included, and it guarantees the "
             "same. The other columns are exact (of periodic loops by growth over turns): the factor on the flap's "
-            "effect, and the delay of the measurement (420 ms tried), at which the loop stays stable, with the "
-            "frequency of what grows beyond.",
+            "effect, and the delay of the measurement, at which the loop stays stable, with the frequency of what "
+            "grows beyond; no bound up to eight times the effect, or up to a delay of 420 ms, is called none.",
             margins_table(margins),
         ),
     )
@@ -252,7 +252,7 @@ def _changed(values: Array) -> str:
 def _margin(value: float) -> str:
     if np.isnan(value):
         return ""
-    return "no bound" if np.isinf(value) else f"{value:.3g}"
+    return "none" if np.isinf(value) else f"{value:.3g}"
 
 
 def _growing(changes: Mapping[str, Array], others: Sequence[str]) -> list[str]:

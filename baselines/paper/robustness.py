@@ -131,7 +131,7 @@ def _limits(model: TurbineModel, system: StateSpace) -> tuple[tuple[float, float
         None if delay == LONGEST else growth(closed_loop(model, late)),
     )
     first, second = (np.nan if one is None else one[0] for one in beyond)
-    return (effect, first), (1e3 * model.time_step * delay, second)
+    return (_bounded(effect), first), (_late(model, delay), second)
 
 
 def _periodic_limits(
@@ -151,7 +151,16 @@ def _periodic_limits(
         if growth_per_turn(model, late) >= 1.0:
             break
         delay += 1
-    return (low, np.nan), (1e3 * model.time_step * delay, np.nan)
+    return (_bounded(low), np.nan), (_late(model, delay), np.nan)
+
+
+def _bounded(factor: float) -> float:
+    return factor if factor < LARGEST_EFFECTIVENESS else np.inf
+
+
+def _late(model: TurbineModel, delay: int) -> float:
+    """In milliseconds."""
+    return 1e3 * model.time_step * delay if delay < LONGEST else np.inf
 
 
 def _with_effect(model: TurbineModel, factor: float) -> TurbineModel:

@@ -60,6 +60,7 @@ def rivals_section(study: Study) -> Section:
             _horizons(study),
             "Margins of MPC's full closed loop while no stop is in sight, the wind it is told being calm:",
             margins_table(study.margins()),
+            _steady(study),
             "Actuator duty at the load of that LQG: gains of PD and PID, and the weight on the moment of an LQG that "
             "weighs acceleration a thousand times as heavily and expects 10 % of noise, brought to its rms moment, by "
             "Lyapunov equations (stops left out).",
@@ -103,6 +104,12 @@ def _summary(saturating: Outcome, mpc: Outcome, ideal: Outcome, reference: Outco
         f"The saturating LQG takes {falls['saturating']:.1f} of the {falls['bound']:.1f} % that are possible, MPC of "
         f"the same weights {falls['mpc']:.1f}: knowing the stops changes the RBM rms by {percent(between)} %."
     )
+
+
+def _steady(study: Study) -> str:
+    """What tilt and yaw channels are for."""
+    told = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in study.steady_shares().items())
+    return f"Of a steady tilting or yawing moment the linear loops leave: {told}."
 
 
 def _horizons(study: Study) -> str:

@@ -14,11 +14,12 @@ from baselines.paper.effects import respond
 from baselines.paper.robustness import margins
 from baselines.paper.scores import Trial, batches, joined, mark, measured, named, rebuilt
 from baselines.rivals.bound import CONSTANTS, HOLD, Bound, best_flap, flap_response
-from baselines.rivals.contestants import PREVIEWS, PlannedFlap, Rival, predictive, rivals
+from baselines.rivals.contestants import PREVIEWS, SHIPPED, PlannedFlap, Rival, predictive, rivals
 from baselines.rivals.equal_load import CALM, as_array, at_equal_load, shipped_gains
 from baselines.shipped import loaded, shipped_weights
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control import Agent, OpenLoop, PredictiveController
+from flapgym.control import Agent, OpenLoop, PredictiveController, closed_loop
+from flapgym.control.channels import MULTIBLADE
 from flapgym.control.horizon import BLOCKS
 from flapgym.evaluation import (
     SCORED_SEED,
@@ -207,6 +208,19 @@ class Study:
         for label, (name, system) in margins_of(self.model).items():
             found[label] = margins(name, system, self.model, self.cache)
             self.tell(name)
+        return found
+
+    def steady_shares(self) -> dict[str, float]:
+        """What the shipped linear loops leave of a steady tilting or yawing moment, the worst direction, by name."""
+        cyclic = MULTIBLADE.suffixes[1:]
+        found = {}
+        for name in SHIPPED:
+            loop = closed_loop(self.model, loaded(name, self.model).system)
+            asked = loop.select(
+                [f"noise{suffix}" for suffix in cyclic], [f"rbm{suffix}" for suffix in cyclic]
+            )
+            # Of noise on the measurement the loop sees S n, and the true moment is S n - n.
+            found[name] = float(np.linalg.norm(asked.dc_gain() + np.eye(2), 2))
         return found
 
     def solve_times(self) -> Array:

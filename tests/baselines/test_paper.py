@@ -165,7 +165,7 @@ def test_what_grows_and_what_has_no_bound_is_said():
     assert "| heavy | grows: 3.8 Hz, doubles in 47 s | -20.0 / -20.0 / 2.29 |" in text
     assert "LQG grows under: heavy." in text
     assert "Stable under all of them: PD." in text
-    assert "| PD | 1 | 2 | 3 | 4 | no bound |  | 7 | 8 |" in text
+    assert "| PD | 1 | 2 | 3 | 4 | none |  | 7 | 8 |" in text
 
 
 def test_a_model_of_other_inputs_than_the_case_is_refused(tmp_path):

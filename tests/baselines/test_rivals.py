@@ -186,6 +186,7 @@ def test_tilt_and_yaw_alone_leave_a_common_load_alone():
 def test_a_finished_batch_is_not_computed_again(tmp_path, monkeypatch, capsys):
     shipped = {"lqg": "LQG", "lqg_saturating": "LQG, stops cut it"}
     monkeypatch.setattr("baselines.rivals.contestants.SHIPPED", shipped)
+    monkeypatch.setattr(study_module, "SHIPPED", shipped)
     monkeypatch.setattr("baselines.rivals.contestants.PREVIEWS", (0.2,))
     monkeypatch.setattr(study_module, "TIMED", 10.0)
     alike = dict.fromkeys(("lqg", "pd", "pid", "lqg_calm"), EqualLoad(-0.2, 0.04, 0.05, 0.04, 0.1, 0.01))

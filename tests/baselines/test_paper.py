@@ -143,7 +143,7 @@ def test_robustness_at_the_design_point_is_the_loops_own_rms(tmp_path):
 
 
 def test_margins_are_where_the_loop_begins_to_grow(tmp_path):
-    agent = lqg_agent("lqg", MODEL, Weights(30.0))
+    agent = lqg_agent("lqg", MODEL, Weights(1e3, acceleration=1e-4))
     found = dict(zip(MARGINS, margins("lqg", agent.system, MODEL, Cache(tmp_path, "a")), strict=True))
     assert closed_loop(MODEL, agent.system, 0.99 * found["flap's effect up to"]).spectral_radius() < 1.0
     steps = round(found["delay up to [ms]"] / 7.0)

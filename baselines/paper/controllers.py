@@ -40,8 +40,8 @@ FROZEN_AZIMUTH = 0.0
 SWAY_FREQUENCY, SWAY_DAMPING = 0.32, 0.08
 """Of the root's motion [Hz], [-]: the first tower fore-aft mode with the rotor's damping."""
 
-TRUSTING_NOISE = 0.02
-"""Of the open-loop rms moment: what an observer expects that trusts its model more than the shipped one does."""
+BOLD_NOISE = 0.02
+"""Of the open-loop rms moment: what the observer expects that the disk margin refuses, the shipped one 5 %."""
 START = 1.0 / 3.0
 """Of the base case's weight on the moment: where the search for another design's begins."""
 
@@ -71,7 +71,7 @@ VARIANTS = (
     Variant("lqg_moving_root", "single blade with a moving root", "no better"),
     Variant("lqg_frozen", "whole turbine at a frozen azimuth", "less than 5 % different"),
     Variant("lqg_multiblade", "whole turbine, multi-blade coordinates", "not in the paper"),
-    Variant("lqg_trusting", "single clamped blade, observer expects 2 % of noise", "not in the paper"),
+    Variant("lqg_bold", "single clamped blade, observer expects 2 % of noise", "not in the paper"),
     Variant("lqg_saturating", "single blade, stops in the loop", "not in the paper"),
     Variant("pd", "PD, same rule", "not in the paper"),
 )
@@ -206,8 +206,8 @@ class Controllers:
 
     def _lqg(self, name: str, rbm: float) -> LinearController:
         design, weights = self._designs(name), replace(shipped_weights("lqg"), rbm=rbm)
-        if name == "lqg_trusting":
-            weights = replace(weights, measurement_noise=TRUSTING_NOISE)
+        if name == "lqg_bold":
+            weights = replace(weights, measurement_noise=BOLD_NOISE)
         agent = lqg_agent(name, self.model, weights, design)
         if name.startswith("lqg_unfiltered"):
             # White wind explains no steady load: begin as if the first one had stood for long, not with a throw.
@@ -231,7 +231,7 @@ class Controllers:
             return design_model(model, self.plants.clamped)
         if name == "lqg_frozen":
             return design_model(model, self.plants.frozen)
-        if name == "lqg_trusting":
+        if name == "lqg_bold":
             return design_model(model)
         if name == "lqg_multiblade":
             return design_model(model, model.turbine)

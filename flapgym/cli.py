@@ -13,7 +13,6 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -23,8 +22,7 @@ from tqdm import tqdm
 from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic import TurbineModel, load_model, save_model
-from flapgym.aeroelastic.build import STAGES, build_model
-from flapgym.aeroelastic.flutter import find_flutter
+from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
 from flapgym.control import AGENT_NAMES
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
 from flapgym.state_space import StateSpace
@@ -195,22 +193,22 @@ def _build(options: argparse.Namespace) -> Work:
         if case.blades.unequal:
             names = ", ".join(f"blades.{name}" for name in case.blades.unequal)
             print(f"{names}: blades differ, the model takes its periodic form", file=sys.stderr)
-        stages = (*STAGES, "flutter")
+        stages, begun = COMPLETE_STAGES, list[str]()
         with tqdm(total=len(stages), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
 
             def begin(stage: str) -> None:
+                begun.append(stage)
                 bar.update(stages.index(stage) - bar.n)
                 bar.set_description_str(stage)
 
             try:
-                model = build_model(case, progress=begin)
+                model = cached_model(case, progress=begin)
             except ValueError as error:  # of this case comes no model
                 return _complain("build", error, 2)
-            begin("flutter")
-            record = replace(model.record, flutter=find_flutter(case.of_mean_blade()))
-            model = replace(model, record=record)
             save_model(model, options.output)
             bar.update(len(stages) - bar.n)
+        if not begun:
+            print(f"built before, copied from the cache: {cached_path(case)}", file=sys.stderr)
         print(f"wrote {options.output}\n{describe(model)}")
         return 0
 

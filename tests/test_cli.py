@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 from flapgym import cli
-from flapgym.aeroelastic import load_model, save_model
-from flapgym.aeroelastic.build import STAGES
+from flapgym.aeroelastic import cache, load_model, save_model
+from flapgym.aeroelastic.cache import COMPLETE_STAGES
 from flapgym.control import AGENT_NAMES
 from flapgym.state_space import delayed
 from flapgym.turbine import load_case
 
 
 @pytest.fixture
-def run(capsys, monkeypatch, tmp_path):
-    """Run the command line in an empty folder; return its exit code, output and error output."""
+def run(capsys, monkeypatch, tmp_path, tmp_path_factory):
+    """Run the command line in an empty folder with an empty cache; return its exit code, output and error output."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("FLAPGYM_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
 
     def call(*arguments):
         try:
@@ -62,7 +63,7 @@ def test_build_writes_the_model_of_a_case_file(run, tmp_path):
     code, out, err = run("build", "small.toml", "--output", "small.safetensors")
     assert code == 0
     assert "wrote small.safetensors" in out
-    stages = len(STAGES) + 1  # and the search for flutter
+    stages = len(COMPLETE_STAGES)
     assert f"{stages}/{stages}" in err  # the progress bar reached its end
     model = load_model("small.safetensors")
     assert model.name == "small"
@@ -70,6 +71,18 @@ def test_build_writes_the_model_of_a_case_file(run, tmp_path):
     assert model.inputs_hash == load_case("small.toml").hash()
     assert sorted(os.listdir()) == ["small.safetensors", "small.toml"]
     assert model.record.flutter.describe() in out
+
+
+def test_the_same_case_is_built_once_and_copied_with_a_word(run, tmp_path, monkeypatch):
+    (tmp_path / "small.toml").write_text(SMALL_CASE)
+    _, first, building = run("build", "small.toml", "--output", "first.safetensors")
+    monkeypatch.setattr(cache, "build_model", None)
+    code, second, copying = run("build", "small.toml", "--output", "second.safetensors")
+    assert code == 0
+    assert second == first.replace("wrote first", "wrote second")
+    assert (tmp_path / "second.safetensors").read_bytes() == (tmp_path / "first.safetensors").read_bytes()
+    assert "built before, copied from the cache: " in copying
+    assert "copied" not in building
 
 
 def test_unequal_blades_build_their_periodic_form_and_say_so(run, tmp_path):

@@ -7,13 +7,20 @@ import os
 import re
 import sys
 import warnings
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from filelock import FileLock
 
-from flapgym.aeroelastic.build import Progress, build_model, tools
+from flapgym.aeroelastic.build import STAGES, Progress, build_model, tools
+from flapgym.aeroelastic.flutter import find_flutter
 from flapgym.aeroelastic.model import FORMAT_VERSION, TurbineModel, load_model, save_model
 from flapgym.turbine import Case
+
+FLUTTER = "flutter"
+COMPLETE_STAGES = (*STAGES, FLUTTER)
+"""Stages of a model that is not in the cache."""
 
 
 def cache_folder() -> Path:
@@ -28,43 +35,78 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flapgym"
 
 
-def cached_model(case: Case, progress: Progress | None = None) -> TurbineModel:
-    """The model of a case: from the cache, or built and put there.
+def cached_path(case: Case) -> Path:
+    """Where the cache keeps the model of a case, by its name and all that the model depends on."""
+    # A case may be named with what no file name takes, or with what leads out of the folder.
+    readable = re.sub(r"[^\w-]+", "_", case.name)
+    made = repr((case.name, case.hash(), sorted(tools().items()), _sources(), FORMAT_VERSION))
+    key = hashlib.sha256(made.encode()).hexdigest()[:20]
+    return cache_folder() / f"{readable}-{key}.safetensors"
 
-    A model is known by its name and every value of its case, by the versions of what builds models and by that of the
-    file format. Whoever asks first builds, others wait for it; a file that is damaged is built again, with a warning.
+
+def cached_model(case: Case, progress: Progress | None = None) -> TurbineModel:
+    """The model of a case with its flutter: from the cache, or built and put there.
+
+    A model is known by its name and every value of its case, by the versions and the source code of what builds models
+    and by the version of the file format. Whoever asks first builds, others wait for it; a file that is damaged is
+    built again, and a model that cannot be kept is built all the same, both with a warning.
 
     Parameters
     ----------
     case : Case
     progress : callable, optional
-        As for ``build_model``; not called where nothing is built.
+        As for ``build_model``, and called with "flutter" last; not called where nothing is built.
 
     Raises
     ------
     ValueError
         As ``build_model``.
-    OSError
-        If the cache folder cannot be written.
     """
-    # A case may be named with what no file name takes, or with what leads out of the folder.
-    readable = re.sub(r"[^\w-]+", "_", case.name)
-    path = cache_folder() / f"{readable}-{_key(case)}.safetensors"
+    path = cached_path(case)
     if (model := _kept(path, case)) is not None:
         return model
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(path.with_suffix(".lock")):
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(path.with_suffix(".lock")).acquire()
+    except OSError as error:
+        _warn_not_kept(path, error)
+        return _complete_model(case, progress)
+    with lock:
         # Another process may have built it while this one waited.
         if (model := _kept(path, case)) is not None:
             return model
-        model = build_model(case, progress)
-        save_model(model, path)
+        model = _complete_model(case, progress)
+        try:
+            save_model(model, path)
+        except OSError as error:
+            _warn_not_kept(path, error)
     return model
 
 
-def _key(case: Case) -> str:
-    made = repr((case.name, case.hash(), sorted(tools().items()), FORMAT_VERSION))
-    return hashlib.sha256(made.encode()).hexdigest()[:20]
+def _complete_model(case: Case, progress: Progress | None) -> TurbineModel:
+    """The model of a case, built, with its flutter looked for."""
+    model = build_model(case, progress)
+    if progress is not None:
+        progress(FLUTTER)
+    return replace(model, record=replace(model.record, flutter=find_flutter(case.of_mean_blade())))
+
+
+def _warn_not_kept(path: Path, error: OSError) -> None:
+    warnings.warn(
+        f"cache: cannot write in {path.parent} ({error.strerror}); the model is not kept, "
+        "name another folder in FLAPGYM_CACHE_DIR",
+        RuntimeWarning,
+        stacklevel=3,
+    )
+
+
+@cache
+def _sources() -> str:
+    """Digest of the package's source code: a model built before a change to it is another model."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(__file__).parents[1].rglob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def _kept(path: Path, case: Case) -> TurbineModel | None:

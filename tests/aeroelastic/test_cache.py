@@ -10,9 +10,11 @@ import pytest
 import flapgym.aeroelastic.cache as cache
 from flapgym.aeroelastic import load_model
 from flapgym.aeroelastic.cache import cache_folder, cached_model
+from flapgym.aeroelastic.record import Flutter
 from flapgym.turbine import load_case
 
 CASE = load_case()
+FLUTTER = Flutter(searched=1.0, speed=0.5, frequency=3.0)
 
 
 @pytest.fixture
@@ -26,6 +28,7 @@ def kept(tmp_path, monkeypatch):
         return replace(load_model(), name=case.name, inputs_hash=case.hash(), case=case.to_dict())
 
     monkeypatch.setattr(cache, "build_model", build)
+    monkeypatch.setattr(cache, "find_flutter", lambda case: FLUTTER)
     return built
 
 
@@ -49,6 +52,26 @@ def test_other_version_of_the_tool_builds_anew(kept, monkeypatch):
     monkeypatch.setattr(cache, "tools", lambda: {"flapgym": "99.0"})
     cached_model(CASE)
     assert len(kept) == 2
+
+
+def test_other_source_code_builds_anew(kept, monkeypatch):
+    cached_model(CASE)
+    monkeypatch.setattr(cache, "_sources", lambda: "changed")
+    cached_model(CASE)
+    assert len(kept) == 2
+
+
+def test_kept_model_knows_its_flutter(kept):
+    cached_model(CASE)
+    assert cached_model(CASE).record.flutter == FLUTTER
+
+
+def test_model_that_cannot_be_kept_is_built_with_a_word(kept, monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv("FLAPGYM_CACHE_DIR", str(tmp_path / "file"))
+    with pytest.warns(RuntimeWarning, match=r"cannot write in .*file .*FLAPGYM_CACHE_DIR"):
+        model = cached_model(CASE)
+    assert model.inputs_hash == CASE.hash()
 
 
 def test_damaged_file_is_built_anew_with_a_word(kept):
@@ -76,7 +99,7 @@ def _worker(folder, log, barrier):
             file.write("built\n")
         return replace(load_model(), inputs_hash=case.hash())
 
-    cache.build_model = build
+    cache.build_model, cache.find_flutter = build, lambda case: FLUTTER
     barrier.wait()
     assert cached_model(CASE).inputs_hash == CASE.hash()
 

@@ -107,7 +107,7 @@ class Settings:
             raise ValueError(
                 f"wind_speed: model {model.name} was built for {model.wind_speed:g} m/s, got {self.wind_speed:g} m/s; "
                 f'write {target}.toml with base = "nrel5mw-rated", name = "{target}" and in [operating_point] '
-                f'wind_speed = "{self.wind_speed:g} m/s", then '
+                f'wind_speed = "{self.wind_speed:g} m/s" (above rated wind also pitch and tip_speed_ratio), then '
                 f"`flapgym build {target}.toml --output {target}.safetensors` and pass "
                 f'model="{target}.safetensors"'
             )

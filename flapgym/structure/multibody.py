@@ -19,7 +19,7 @@ from flapgym.structure.equilibrium import solve_equilibrium
 from flapgym.structure.inertia import section_mass
 from flapgym.structure.march import Motion
 from flapgym.structure.rotation import Array, about_x, about_y, cross, hat
-from flapgym.structure.support import NACELLE_ROLL_INERTIA, shaft_beam, tower_beam
+from flapgym.structure.support import shaft_beam, tower_beam
 from flapgym.turbine import Turbine
 
 LINK_STIFFNESS = 1e14
@@ -52,7 +52,7 @@ def support_body(turbine: Turbine) -> Body:
     stiffness = np.concatenate([tower.stiffness, LINK_STIFFNESS * np.eye(6)[None], shaft.stiffness])
     mass = np.concatenate([tower.mass, np.zeros((2, 6, 6))])
     nacelle, axes = turbine.nacelle, tower.reference.orientation[-1]
-    roll = NACELLE_ROLL_INERTIA * np.outer(_AXIS, _AXIS)
+    roll = nacelle.roll_inertia * np.outer(_AXIS, _AXIS)
     parts = {
         top: section_mass(
             nacelle.mass, axes.T @ np.array([nacelle.downwind, 0.0, nacelle.above]), axes.T @ roll @ axes

@@ -19,11 +19,6 @@ from flapgym.turbine import Turbine
 SHAFT_AXIAL_STIFFNESS = 1e13
 """Axial and shear stiffness of the shaft [N], which only twists and barely bends."""
 
-NACELLE_ROLL_INERTIA = 2.608e6
-"""Rotary inertia of the nacelle about the downwind axis through its centre [kg m2]. The document gives this figure
-about the yaw axis; about the roll axis it brings the paper's 2nd tower side-to-side mode from 2.5 % off to 0.6 %,
-so the paper must have read it so (inferred by this fit)."""
-
 
 @dataclass(frozen=True, eq=False)
 class LinearSupport:
@@ -133,7 +128,7 @@ def linear_support(turbine: Turbine, rotor_speed: float = 0.0) -> LinearSupport:
     mass[top, top] += section_mass(
         nacelle.mass,
         np.array([nacelle.downwind, 0.0, nacelle.above]),
-        np.diag([NACELLE_ROLL_INERTIA, 0.0, 0.0]),
+        np.diag([nacelle.roll_inertia, 0.0, 0.0]),
     )
     polar = turbine.hub.inertia_about_shaft
     mass[hub, hub] += section_mass(turbine.hub.mass, np.zeros(3), polar * np.outer(axes[:, 0], axes[:, 0]))

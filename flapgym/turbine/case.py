@@ -23,7 +23,7 @@ class OperatingPoint:
     Attributes
     ----------
     wind_speed : float
-        Mean wind along the shaft [m/s].
+        Mean wind along the shaft [m/s]; at least 5 m/s, and above the turbine's rated wind speed with a pitch.
     tip_speed_ratio : float
         Speed of the blade tip over the wind speed.
     pitch : float
@@ -32,7 +32,7 @@ class OperatingPoint:
         [kg/m^3]
     """
 
-    wind_speed: Annotated[float, Quantity("speed", above=0.0, at_most=60.0)]
+    wind_speed: Annotated[float, Quantity("speed", at_least=5.0, at_most=60.0)]
     tip_speed_ratio: Annotated[float, Quantity("number", above=0.0, at_most=20.0)]
     pitch: Annotated[float, Quantity("angle", above=-90 * DEGREE, below=90 * DEGREE)]
     air_density: Annotated[float, Quantity("density", above=0.0)]
@@ -203,8 +203,18 @@ class Case:
     def __post_init__(self) -> None:
         check_fields(self)
         self.turbine.blade_sections(self.discretisation.blade_elements)
+        self._check_pitch()
         self._check_structure()
         self._check_lattice()
+
+    def _check_pitch(self) -> None:
+        """Refuse wind above rated with unpitched blades, on which the flow is not attached."""
+        point, rated = self.operating_point, self.turbine.rated_wind_speed
+        if point.wind_speed > rated and point.pitch == 0.0:
+            raise ValueError(
+                f"operating_point.pitch: expected the blades pitched above rated wind ({rated:g} m/s), got 0 deg at a "
+                f"wind_speed of {point.wind_speed:g} m/s; give pitch and tip_speed_ratio for that wind, or less wind"
+            )
 
     def _check_structure(self) -> None:
         grid, keep, turbine = self.discretisation, self.reduction, self.turbine

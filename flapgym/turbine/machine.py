@@ -82,12 +82,15 @@ class Nacelle:
         Place of its centre of mass from the tower top [m].
     yaw_inertia : float
         About the yaw axis [kg m^2].
+    roll_inertia : float
+        About the downwind axis through its centre of mass [kg m^2].
     """
 
     mass: _Mass
     downwind: Annotated[float, Quantity("length")]
     above: Annotated[float, Quantity("length")]
     yaw_inertia: _Inertia
+    roll_inertia: _Inertia
 
     def __post_init__(self) -> None:
         check_fields(self, "nacelle")
@@ -232,6 +235,8 @@ class Turbine:
     ----------
     gravity : float
         [m/s^2]
+    rated_wind_speed : float
+        Above which the blades are pitched [m/s].
     blade_damping_ratio, tower_damping_ratio : float
         Structural damping as a fraction of critical.
     mass_factor : float
@@ -244,6 +249,7 @@ class Turbine:
 
     name: Annotated[str, Text()]
     gravity: Annotated[float, Quantity("acceleration", at_least=0.0)]
+    rated_wind_speed: Annotated[float, Quantity("speed", above=0.0)]
     blade_damping_ratio: _Ratio
     tower_damping_ratio: _Ratio
     mass_factor: Annotated[float, Quantity("number", above=0.0)]

@@ -233,10 +233,10 @@ def test_above_rated_wind_with_its_pitch_builds_a_stable_model():
     assert max(errors.values()) < 0.2
 
 
-def test_strong_wind_without_pitch_is_refused_with_the_fields_to_change():
-    point = replace(CASE.operating_point, wind_speed=15.0)
+def test_strong_wind_with_too_little_pitch_is_refused_with_the_fields_to_change():
+    point = replace(CASE.operating_point, wind_speed=15.0, pitch=0.01)
     with pytest.raises(
-        ValueError, match=r"operating_point: .*unstable.* at 15 m/s, .*0 deg of pitch; .*pitched"
+        ValueError, match=r"operating_point: .*unstable.* at 15 m/s, .*0\.57.* deg of pitch; .*pitched"
     ):
         build_model(replace(coarse(), operating_point=point))
 
@@ -249,7 +249,7 @@ def test_documented_stations_build_nearly_the_same_turbine(small):
 
 def test_balance_that_does_not_exist_names_the_operating_point():
     case = coarse()
-    storm = replace(case.operating_point, wind_speed=25.0, tip_speed_ratio=12.0)
+    storm = replace(case.operating_point, wind_speed=25.0, tip_speed_ratio=12.0, pitch=1e-9)
     with pytest.raises(ValueError, match=r"operating_point: .*lower wind_speed or tip_speed_ratio"):
         build_model(replace(case, operating_point=storm))
 

@@ -30,6 +30,28 @@ def test_a_limit_out_of_range_is_refused_in_code_as_in_a_file(value):
         altered("flap", angle_limit=value)
 
 
+@pytest.mark.parametrize("wind_speed", [0.0, 4.99, 61.0, math.nan])
+def test_wind_beyond_what_the_model_holds_for_is_refused_with_the_range(wind_speed):
+    with pytest.raises(
+        ValueError, match=r"^operating_point\.wind_speed: expected 5 m/s <= speed <= 60 m/s, got"
+    ):
+        altered("operating_point", wind_speed=wind_speed)
+
+
+def test_wind_above_rated_is_refused_without_pitch_and_names_what_to_give():
+    with pytest.raises(
+        ValueError,
+        match=r"^operating_point\.pitch: .* above rated wind \(11\.4 m/s\), got 0 deg at .* 11\.5 m/s; give pitch",
+    ):
+        altered("operating_point", wind_speed=11.5)
+
+
+@pytest.mark.parametrize("point", [(5.0, 0.0), (11.4, 0.0), (15.0, math.radians(10.45))])
+def test_wind_up_to_rated_needs_no_pitch_and_above_it_may_be_any(point):
+    wind_speed, pitch = point
+    assert altered("operating_point", wind_speed=wind_speed, pitch=pitch).operating_point.pitch == pitch
+
+
 def test_effectiveness_takes_a_number_or_a_word():
     assert altered("flap", effectiveness=0.5).flap.effectiveness == 0.5
     with pytest.raises(ValueError, match=r"flap\.effectiveness"):
@@ -117,6 +139,8 @@ def nudged(value, path):
         ("reduction", "blade_modes"),
         ("turbulence", "length_scale"),
         ("turbine", "gravity"),
+        ("turbine", "rated_wind_speed"),
+        ("turbine", "nacelle", "roll_inertia"),
         ("turbine", "hub", "mass"),
         ("turbine", "tower", "inertia", 10),
         ("turbine", "blade_sections_12", "twist", 3),

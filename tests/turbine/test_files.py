@@ -150,7 +150,7 @@ CASE_FAULTS = {
     "no wind": (
         '"11 m/s"',
         '"0 m/s"',
-        "operating_point.wind_speed: expected 0 m/s < speed <= 60 m/s, got 0 m/s",
+        "operating_point.wind_speed: expected 5 m/s <= speed <= 60 m/s, got 0 m/s",
     ),
     "induction": (
         "induction = 0.0",

@@ -32,6 +32,20 @@ PUBLISHED_OUTPUTS = (
     *(f"joint_force_{axis}" for axis in "xyz"),
     *(f"joint_moment_{axis}" for axis in "xyz"),
 )
+_OUTPUT_UNITS = (
+    *3 * ("N m",),
+    *5 * ("m",),
+    *(unit for unit in ("m/s", "rad/s", "N", "N m") for _ in "xyz"),
+)
+
+
+@dataclass(frozen=True)
+class Signal:
+    """An input or output: its name, unit, and its size in it: the limit, or the rms in the case's turbulence."""
+
+    name: str
+    unit: str
+    scale: float
 
 
 @dataclass(frozen=True)
@@ -39,14 +53,14 @@ class StateGroup:
     """States of one kind: where they stand, their unit, and their size in it: the largest stationary rms, or stop."""
 
     name: str
-    states: slice
+    place: slice
     unit: str
     scale: float
 
     @property
     def count(self) -> int:
         """Number of states."""
-        return int(self.states.stop - self.states.start)
+        return int(self.place.stop - self.place.start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +117,31 @@ class PublishedTurbine:
     def _support(self) -> Array:
         return self.parts.modal_support[1]
 
+    @property
+    def inputs(self) -> tuple[Signal, ...]:
+        """Flap accelerations, whose size is the actuator's limit, and the white noise behind the turbulence."""
+        limit = self.parts.case.flap.acceleration_limit
+        *flaps, white = PUBLISHED_INPUTS
+        return (*(Signal(name, "rad/s^2", limit) for name in flaps), Signal(white, "-", 1.0))
+
     @cached_property
-    def groups(self) -> tuple[StateGroup, ...]:
+    def outputs(self) -> tuple[Signal, ...]:
+        """Loads, deflections, the hub's motion and the joint's loads, with their rms as that of the states."""
+        rows = self.at(0.0).C[:, : len(self._covariance)]
+        size = np.sqrt(np.clip(np.einsum("ij,jk,ik->i", rows, self._covariance, rows), 0.0, None))
+        named = zip(PUBLISHED_OUTPUTS, _OUTPUT_UNITS, size.tolist(), strict=True)
+        return tuple(Signal(*each) for each in named)
+
+    @cached_property
+    def _covariance(self) -> Array:
+        """Of all states but the flaps', which are still, at a frozen azimuth in the case's turbulence."""
+        frozen = self.at(0.0)
+        free = slice(0, self._places["double integrator"].start)
+        driven = frozen.B[free, -1:]
+        return np.asarray(scipy.linalg.solve_discrete_lyapunov(frozen.A[free, free], driven @ driven.T))
+
+    @cached_property
+    def states(self) -> tuple[StateGroup, ...]:
         """The states in order, in the paper's eq. 15 and after it, with their units and sizes in its turbulence.
 
         Modal amplitudes are those of unit modal mass, hence their unit. The sizes are the rms at a frozen azimuth,
@@ -112,11 +149,7 @@ class PublishedTurbine:
         """
         units = ["-", "kg^1/2 m", "kg^1/2 m/s", "kg^1/2 m", "kg^1/2 m/s", "m/s, rad/s", "N, N m"]
         units += ["kg^1/2 m/s^2", "kg^1/2 m/s^2", "-", "rad, rad/s"]
-        frozen = self.at(0.0)
-        free = slice(0, self._places["double integrator"].start)
-        driven = frozen.B[free, -1:]
-        covariance = scipy.linalg.solve_discrete_lyapunov(frozen.A[free, free], driven @ driven.T)
-        size = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+        size = np.sqrt(np.clip(np.diag(self._covariance), 0.0, None))
         limits = self.parts.case.flap.angle_limit, self.parts.case.flap.rate_limit
         size = np.append(size, np.repeat(limits, BLADES))
         return tuple(

@@ -8,7 +8,7 @@ take 390 MB.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -88,6 +88,17 @@ def system_at(mean: StateSpace, periodic: PeriodicPart | None, azimuth: float) -
         mean.time_step,
         mean.inputs,
         mean.outputs,
+    )
+
+
+def shaken_at(mean: StateSpace, periodic: PeriodicPart, azimuth: float) -> StateSpace:
+    """`system_at`, with the forcing there behind one more input, "imbalance"."""
+    system, forcing = system_at(mean, periodic, azimuth), periodic.forcing_at(azimuth)[:, None]
+    return replace(
+        system,
+        B=np.hstack([system.B, forcing[: system.order]]),
+        D=np.hstack([system.D, forcing[system.order :]]),
+        inputs=(*system.inputs, "imbalance"),
     )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from flapgym.aeroelastic.harmonics import PeriodicPart, system_at
+from flapgym.aeroelastic.harmonics import PeriodicPart, shaken_at
 from flapgym.aeroelastic.record import Flutter, Record
 from flapgym.atomic import write_atomically
 from flapgym.state_space import Array, StateSpace
@@ -127,14 +127,15 @@ class TurbineModel:
         """SHA-256 of how the model answers: what an agent names to say which model it was made for.
 
         Steady and dynamic responses, to a thousandth of each output's largest, with operating point, turbulence
-        and limits. It knows no coordinates, so a rebuild of the same case on another machine, equal but for
-        rounding, almost surely has the same hash.
+        and limits; with unequal blades also at a few azimuths, their imbalance as one more input. It knows no
+        coordinates, so a rebuild of the same case on another machine, equal but for rounding, almost surely has
+        the same hash.
         """
         settings = [getattr(self, name) for name in _HASH_SETTINGS]
         digest = hashlib.sha256(repr(settings).encode())
         systems = [self.turbine, self.blade]
         if self.periodic is not None:
-            systems += [system_at(self.turbine, self.periodic, azimuth) for azimuth in _HASH_AZIMUTHS]
+            systems += [shaken_at(self.turbine, self.periodic, azimuth) for azimuth in _HASH_AZIMUTHS]
         for system in systems:
             response = system.frequency_response(_HASH_FREQUENCIES)
             largest = np.abs(response).max(axis=(0, 2), keepdims=True)

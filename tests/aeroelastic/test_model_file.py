@@ -24,6 +24,14 @@ def test_saved_model_is_loaded_as_it_was(tmp_path):
     )
 
 
+@pytest.mark.parametrize("factor", [0.0, 1.02])
+def test_hash_of_unequal_blades_knows_how_they_shake_the_turbine(factor):
+    model = load_model("nrel5mw-heavy-blade")
+    assert model.periodic is not None
+    other = replace(model, periodic=replace(model.periodic, forcing=factor * model.periodic.forcing))
+    assert other.hash != model.hash
+
+
 def test_unknown_name_lists_the_shipped_models():
     with pytest.raises(FileNotFoundError, match="nrel5mw-rated"):
         load_model("nrel5mw-ratde")

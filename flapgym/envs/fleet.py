@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -26,6 +26,9 @@ RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turb
 Info = dict[str, Any]
 Origin = dict[str, Any]
 """Where an episode comes from: the generator's state before its draws, and the options of the reset."""
+Reader = Callable[[Any], Any]
+"""Makes of a plain value what it stands for, or raises one of these errors."""
+_DAMAGE = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
 
 
 class Fleet:
@@ -82,6 +85,11 @@ class Fleet:
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.setup.blades,), dtype=np.float32)
         self._origins: list[Origin | None] = [None] * count
 
+    @property
+    def action_time(self) -> float:
+        """Time for which an action is held [s]."""
+        return self.setup.steps_per_action * self.model.time_step
+
     def begin(
         self,
         turbines: NDArray[np.int64],
@@ -137,26 +145,28 @@ class Fleet:
         """The state of all turbines as plain values for JSON."""
         return {
             "made_by": self._identity(),
-            "turbines": [
-                None if origin is None else {"origin": origin, "plant": self.plant.get_state(turbine)}
-                for turbine, origin in enumerate(self._origins)
-            ],
+            "turbines": self._turbines(),
         }
 
-    def set_state(self, state: Mapping[str, Any], further: Sequence[str] = ()) -> None:
+    def set_state(self, state: Mapping[str, Any], further: Mapping[str, Reader]) -> dict[str, Any]:
         """Go on from a state of the same model and settings, bit for bit.
 
         Parameters
         ----------
         state : mapping
             Of `get_state`, with what the environment has put beside.
-        further : sequence of str
-            Names of that: one environment's state is not that of a vector of one.
+        further : mapping
+            Names of that, and what reads each: one environment's state is not that of a vector of one.
+
+        Returns
+        -------
+        dict
+            That, read.
 
         Raises
         ------
         ValueError
-            If the state is another environment's; nothing is changed then.
+            If the state is another environment's or damaged; nothing is changed then.
         """
         try:
             made_by, turbines = dict(state["made_by"]), list(state["turbines"])
@@ -172,6 +182,29 @@ class Fleet:
                 raise ValueError(
                     f"state: made by an environment with {name} {made_by.get(name)!r}, this one has {own!r}"
                 )
+        own, name, before = {}, "turbines", self._turbines()
+        try:
+            for name, reader in further.items():
+                own[name] = reader(state[name])
+            name = "turbines"
+            self._go_on(turbines)
+        except _DAMAGE as error:
+            self._go_on(before)
+            raise ValueError(
+                f"state: {name}: damaged ({type(error).__name__}: {error}); take it from get_state"
+            ) from None
+        return own
+
+    def _turbines(self) -> list[dict[str, Any] | None]:
+        return [
+            None if origin is None else {"origin": origin, "plant": self.plant.get_state(turbine)}
+            for turbine, origin in enumerate(self._origins)
+        ]
+
+    def _go_on(self, turbines: Sequence[Mapping[str, Any] | None]) -> None:
+        """Put every turbine into its state."""
+        if len(turbines) != self.count:
+            raise ValueError(f"expected {self.count} turbines, got {len(turbines)}")
         for turbine, entry in enumerate(turbines):
             self._origins[turbine] = None
             if entry is not None:
@@ -274,6 +307,8 @@ def with_blade_rms(model: TurbineModel) -> TurbineModel:
 def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] | Array:
     """Actions as contiguous floats of the right shape, or an error that says what is wrong with them."""
     try:
+        if np.iscomplexobj(actions):
+            raise TypeError
         single = isinstance(actions, np.ndarray) and actions.dtype == np.float32
         # Copied into an array of NumPy's own type: one that was pickled, as on its way to another process, has a type
         # that equals it and is another object.
@@ -282,7 +317,7 @@ def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] |
         )
         values[...] = actions
     except (TypeError, ValueError):
-        raise ValueError(f"action: expected numbers of shape {shape}, got {actions!r}") from None
+        raise ValueError(f"action: expected real numbers of shape {shape}, got {actions!r}") from None
     if values.shape != shape:
         raise ValueError(f"action: expected shape {shape}, got {np.shape(actions)}")
     return values

@@ -128,7 +128,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `realisation_pool` | 0 | draw from the realisations of seeds 0 to this - 1, shared in the process; 0: always new |
     | `precision` | `"float64"` | `"float32"` halves memory and time of large batches, see docs/speed.md |
     | `kernel` | `"auto"` | `"numba"` (extra `fast`), `"numpy"`, or the first installed; equal to round-off |
-    | `render_mode` | `None` | `"rgb_array"` or `"human"` |
+    | `render_mode` | `None` | `"rgb_array"` or `"human"`; `FlapVectorEnv` has the first alone |
 
     ## Gusts
 
@@ -147,8 +147,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `start` is 0 if it is not given. The extreme operating gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2;
     its `turbine_class` (`"I"` to `"III"`, default `"I"`) and `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be
     given, as may `rotor_diameter` (126) and `hub_height` (90). A recording has the header `time [s], wind [m/s]`, or
-    `wind_perturbation [m/s]` about the mean wind, is linear between its samples and must last for the episode, which
-    begins at its moment `start`, by default its first.
+    `wind_perturbation [m/s]` about the mean wind (also ms, min, h and km/h, kn), is linear between its samples and must
+    last for the episode, which begins at its moment `start`, by default its first.
 
     ## Version History
 
@@ -167,7 +167,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._fleet = Fleet(self.settings, 1, self.single_blade, self.settings.full_info)
         self.observation_space = self._fleet.observation_space
         self.action_space = self._fleet.action_space
-        self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._frame_period())}
+        self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._fleet.action_time)}
         self._running = False
         self._plant, self._observed = self._fleet.plant, self._fleet.task.size
         self._quick = self._plant.quick
@@ -175,7 +175,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._room = () if samples is None else (samples,)
         """Where the plant samples go, if they are wanted; they are copied from there."""
         self._screen = (
-            None if render_mode is None else Screen(self._fleet.model, render_mode, self._frame_period())
+            None if render_mode is None else Screen(self._fleet.model, render_mode, self._fleet.action_time)
         )
         self._more = bool(self.settings.full_info or self._room or render_mode is not None)
 
@@ -242,11 +242,11 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises
         ------
         ValueError
-            If it is another environment's; nothing is changed then.
+            If it is another environment's or damaged; nothing is changed then.
         """
-        self._fleet.set_state(state, ("running", "generator", "seed"))
-        self._running = bool(state["running"])
-        self._np_random, self._np_random_seed = generator_of(state["generator"]), state["seed"]
+        own = self._fleet.set_state(state, {"running": bool, "generator": generator_of, "seed": int})
+        self._running = own["running"]
+        self._np_random, self._np_random_seed = own["generator"], own["seed"]
 
     def render(self) -> Any:
         """The picture as (height, width, 3) uint8 in mode `rgb_array`; `human` draws by itself."""
@@ -280,9 +280,6 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             info["samples"] = {name: value[0] for name, value in samples.items()}
         if self._screen is not None:
             self._show(info)
-
-    def _frame_period(self) -> float:
-        return self._fleet.setup.steps_per_action * self._fleet.model.time_step
 
     def _show(self, info: Info) -> None:
         assert self._screen is not None

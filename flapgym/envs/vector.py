@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
@@ -13,11 +14,13 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.envs.fleet import Fleet, Info, generator_of
+from flapgym.envs.fleet import BRIEF, Fleet, Info, generator_of, numbers
+from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
 from flapgym.state_space import Array
 
 Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
+NO_TURBINES = np.empty(0, dtype=np.int64)
 
 
 class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
@@ -35,8 +38,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         `NEXT_STEP` (default): the step after an episode's end ignores the action and returns the first observation of
         the next. `SAME_STEP`: the ending step returns it, and `info["final_obs"]` and `info["final_info"]` keep the
         last. `DISABLED`: call `reset(options={"reset_mask": mask})`.
-    render_mode : None
-        Not supported; render a `FlapEnv`.
+    render_mode : str, optional
+        `"rgb_array"`: `render` gives a tuple of pictures, one a turbine. A window is `FlapEnv`'s alone.
     **keywords
         Those of `FlapEnv`.
     """
@@ -47,21 +50,29 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self,
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        render_mode: None = None,
+        render_mode: str | None = None,
         **keywords: Any,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs: expected at least one, got {num_envs}")
-        if render_mode is not None:
+        if render_mode not in (None, "rgb_array"):
             raise ValueError(
-                f"render_mode: a vector environment draws nothing, got {render_mode!r}; render FlapEnv"
+                f'render_mode: expected None or "rgb_array", got {render_mode!r}; a window shows a FlapEnv'
             )
         self.num_envs = num_envs
-        self.render_mode = None
+        self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.settings = Settings.of(keywords)
         self._fleet = Fleet(self.settings, num_envs, self.single_blade)
+        period = self._fleet.action_time
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": round(1.0 / period),
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self._screens = [
+            Screen(self.model, "rgb_array", period) for _ in range(num_envs if render_mode else 0)
+        ]
         self.single_observation_space = self._fleet.observation_space
         self.single_action_space = self._fleet.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -99,7 +110,9 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         observation, info = self._fleet.begin(turbines, [generators[index] for index in turbines], options)
         self._observation[turbines] = observation
         self._ended[turbines], self._started[turbines] = False, True
-        return self._observation.copy(), _masked(_scattered(info, turbines, self.num_envs), mask)
+        info = _scattered(info, turbines, self.num_envs)
+        self._show(info, turbines, turbines)
+        return self._observation.copy(), _masked(info, mask)
 
     def step(self, actions: ArrayLike) -> Step:
         """Advance every environment by one action (num_envs, 3)."""
@@ -115,7 +128,15 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         observation, reward, terminated, truncated, info = step
         self._ended = terminated | truncated
         self._observation = observation.copy()
+        self._show(info)
         return observation, reward, terminated, truncated, _masked(info, np.ones(self.num_envs, dtype=bool))
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Pictures (height, width, 3) of all turbines in mode `rgb_array`."""
+        if self.render_mode is None:
+            gymnasium.logger.warn('render: the environment was made without render_mode="rgb_array"')
+            return None
+        return tuple(screen.picture() for screen in self._screens)
 
     def get_state(self) -> dict[str, Any]:
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
@@ -134,16 +155,34 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         Raises
         ------
         ValueError
-            If it is another environment's; nothing is changed then.
+            If it is another environment's or damaged; nothing is changed then.
         """
-        self._fleet.set_state(state, ("generators", "seeds", "ended", "started", "observation"))
-        self._generators = [generator_of(entry) for entry in state["generators"]]
-        self._seeds = list(state["seeds"])
-        self._ended, self._started = np.array(state["ended"]), np.array(state["started"])
-        self._observation = np.array(state["observation"], dtype=np.float32)
+        own = self._fleet.set_state(
+            state,
+            {
+                "generators": lambda entries: [generator_of(entry) for entry in self._one_each(entries)],
+                "seeds": lambda seeds: [int(seed) for seed in self._one_each(seeds)],
+                "ended": lambda flags: np.array(self._one_each(flags), dtype=bool),
+                "started": lambda flags: np.array(self._one_each(flags), dtype=bool),
+                "observation": lambda rows: np.array(rows, np.float32).reshape(self._observation.shape),
+            },
+        )
+        self._generators, self._seeds = own["generators"], own["seeds"]
+        self._ended, self._started = own["ended"], own["started"]
+        self._observation = own["observation"]
+
+    def _one_each(self, values: Any) -> list[Any]:
+        """A state's values, one an environment."""
+        if len(values) != self.num_envs:
+            raise ValueError(f"expected {self.num_envs} values, got {len(values)}")
+        return list(values)
 
     def _step_then_reset_next(self, actions: ArrayLike) -> Step:
         restart = np.flatnonzero(self._ended)
+        if restart.size:  # their actions count for nothing, whatever they are
+            values = numbers(actions, self.action_space.shape or ())
+            values[restart] = 0.0
+            actions = values
         observation, reward, terminated, truncated, info = self._fleet.step(actions)
         stepped = ~self._ended
         if restart.size:
@@ -151,6 +190,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             observation[restart], reward[restart] = first, 0.0
             terminated[restart] = truncated[restart] = False
             _overwrite(info, first_info, restart)
+        self._show(info, restart)
         everywhere = np.ones(self.num_envs, dtype=bool)
         masks = {name: everywhere if name in STATE_INFO else stepped for name in info}
         self._ended = terminated | truncated
@@ -178,7 +218,18 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             _overwrite(info, first_info, restart)
             info |= {"final_obs": last, "final_info": final_info}
             masks = {name: ended if name.startswith("final_") else everywhere for name in info}
+        self._show(info, restart)
         return observation, reward, terminated, truncated, _masked(info, masks)
+
+    def _show(
+        self, info: Info, begun: NDArray[np.int64] = NO_TURBINES, turbines: NDArray[np.int64] | None = None
+    ) -> None:
+        """Add an instant of all turbines, or of some, to their pictures; those that begin anew forget the past."""
+        for index, screen in enumerate(self._screens):
+            if index in begun:
+                screen.clear()
+            if turbines is None or index in turbines:
+                screen.record({name: info[name][index].copy() for name in BRIEF if name in info})
 
     def _begin(self, turbines: NDArray[np.int64]) -> tuple[NDArray[np.float32], Info]:
         generators = self._seeded(None)

@@ -4,7 +4,8 @@
     0.0, 11.3
     0.5, 11.1
 
-The second column may be called `wind_perturbation` instead: about the mean wind. Lines that begin with # are comments.
+Units are those of case files: s, ms, min or h, and m/s, km/h or kn. The second column may be called
+`wind_perturbation` instead: about the mean wind. Lines that begin with # are comments.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def test_the_loop_is_stable_for_every_gain_within_the_margin():
 
 
 def test_a_mode_far_narrower_than_the_grid_is_seen():
-    """With a mode that hardly decays, and that the flaps hardly move, the loop bears 1.35 times their effect and no more."""
+    """With a mode that hardly decays and hardly moves, the loop bears 1.35 times the flaps' effect and no more."""
     model = replace(MODEL, turbine=_with_narrow_mode(MODEL.turbine))
     bears = stability(model, CONTROLLER).effectiveness_margin
     assert bears == pytest.approx(1.35, abs=0.05)

@@ -256,6 +256,9 @@ BAD_ACTIONS = [
     None,
     "full",
     [[0.0], [0.0, 1.0], [0.0]],
+    [0.5j, 0.0, 0.0],
+    np.zeros(3, dtype=complex),
+    np.zeros(3, dtype=np.complex64),
 ]
 
 

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+from flapgym.envs import FlapEnv, FlapVectorEnv
 from flapgym.envs.rendering import _place
 
 pygame = pytest.importorskip("pygame")
@@ -28,6 +29,27 @@ def test_a_frame_is_a_picture_that_changes_with_the_state(model_file):
     # Red for a flap that adds lift, blue for one that takes it away.
     assert ((moved == (200, 40, 40)).all(axis=2)).sum() > ((still == (200, 40, 40)).all(axis=2)).sum()
     env.close()
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_pictures_of_a_vector_are_those_of_its_environments_through_an_autoreset(model_file, mode):
+    keywords = {"model": model_file, "duration": 0.2, "render_mode": "rgb_array"}
+    mode = gymnasium.vector.AutoresetMode(mode)
+    many = gymnasium.make_vec("flapgym/NREL5MW-v0", num_envs=2, autoreset_mode=mode, **keywords)
+    each = gymnasium.vector.SyncVectorEnv([lambda: FlapEnv(**keywords)] * 2, autoreset_mode=mode)
+    for env in (many, each):
+        env.reset(seed=0)
+        for _ in range(9):  # episodes take six actions
+            env.step(np.tile(np.float32([0.5, 0.0, -0.5]), (2, 1)))
+    frames = many.render()
+    assert isinstance(frames, tuple)
+    assert (frames[0] != frames[1]).any()
+    np.testing.assert_array_equal(frames, each.render())
+
+
+def test_a_vector_has_no_window(model_file):
+    with pytest.raises(ValueError, match=r'render_mode: expected None or "rgb_array", got \'human\''):
+        FlapVectorEnv(2, model=model_file, render_mode="human")
 
 
 def test_seen_from_upwind_the_rotor_turns_clockwise():

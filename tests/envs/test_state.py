@@ -97,6 +97,53 @@ def test_a_state_of_another_environment_is_refused_by_name_and_changes_nothing(o
     assert env.get_state() == before
 
 
+DAMAGE = {
+    "plant lost": lambda entry: entry.pop("plant"),
+    "plant no table": lambda entry: entry.update(plant=3),
+    "flaps lost": lambda entry: entry["plant"].pop("flaps"),
+    "modes short": lambda entry: entry["plant"]["modes"].pop(),
+    "flaps a text": lambda entry: entry["plant"].update(flaps="up"),
+    "origin lost": lambda entry: entry.pop("origin"),
+    "generator unknown": lambda entry: entry["origin"]["generator"].update(bit_generator="Dice"),
+    "entry a number": lambda entry: entry.clear(),
+}
+
+
+@pytest.mark.parametrize("variant", ["plain", "numpy", "delay"])
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_turbine_is_refused_and_changes_nothing(damage, variant):
+    env, giver = (FlapVectorEnv(2, **_keywords(variant)) for _ in range(2))
+    for seed, one in enumerate((env, giver)):
+        one.reset(seed=seed)
+        one.step(np.full((2, 3), 0.3))
+    before, state = env.get_state(), giver.get_state()
+    DAMAGE[damage](state["turbines"][1])  # the first is whole
+    with pytest.raises(ValueError, match=r"^state: turbines: damaged .*; take it from get_state"):
+        env.set_state(state)
+    assert env.get_state() == before
+
+
+@pytest.mark.parametrize(
+    "many, name, value",
+    [
+        (False, "generator", {}),
+        (False, "seed", None),
+        (True, "generators", [{}, {}]),
+        (True, "seeds", [1]),
+        (True, "ended", [True]),
+        (True, "observation", [[0.0]]),
+        (True, "turbines", []),
+    ],
+)
+def test_what_else_is_damaged_is_named_and_changes_nothing(many, name, value):
+    env = FlapVectorEnv(2, **_keywords("plain")) if many else FlapEnv(**_keywords("plain"))
+    env.reset(seed=0)
+    before = env.get_state()
+    with pytest.raises(ValueError, match=rf"^state: {name}: damaged .*; take it from get_state"):
+        env.set_state(before | {name: value})
+    assert env.get_state() == before
+
+
 def test_a_late_environment_refuses_the_state_of_another_kernel():
     env, stranger = (FlapEnv(**_keywords("delay"), kernel=kernel) for kernel in ("numpy", "numba"))
     for one in (env, stranger):

@@ -133,3 +133,21 @@ def test_bad_actions_seeds_and_masks_are_refused():
         env.step(np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]]))
     with pytest.raises(ValueError, match="shape"):
         env.step(np.zeros(3))
+
+
+def test_actions_for_environments_about_to_begin_anew_may_be_anything():
+    env, twin = (FlapVectorEnv(2, model=synthetic_model(), duration=0.7) for _ in range(2))
+    zeros = np.zeros((2, 3), dtype=np.float32)
+    for one in (env, twin):
+        one.reset(seed=0)
+        for step in range(20):
+            truncated = one.step(zeros)[3]
+            if step == 9:
+                one.reset(options={"reset_mask": np.array([True, False])})
+        assert truncated.tolist() == [False, True]
+    anything = np.array([[0.0] * 3, [np.nan, np.inf, 2.0]], dtype=np.float32)
+    with pytest.raises(ValueError, match="action: expected finite numbers"):
+        env.step(anything[::-1])
+    np.testing.assert_array_equal(env.step(anything)[0], twin.step(zeros)[0])
+    with pytest.raises(ValueError, match="action: expected finite numbers"):
+        env.step(anything)

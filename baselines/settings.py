@@ -49,11 +49,11 @@ class PIDCandidate(PDCandidate):
 
 @dataclass(frozen=True)
 class Tuning:
-    """Realisations, margin and candidates."""
+    """Realisations, the disk margin asked for, and candidates."""
 
     seed: Annotated[int, Count(at_least=0)]
     realisations: Annotated[int, Count(at_least=2, at_most=1000)]
-    margin: Annotated[float, Quantity("number", at_least=1.0, below=8.0)]
+    disk_margin: Annotated[float, Quantity("number", above=0.0, below=2.0)]
     lqg: tuple[LQGCandidate, ...]
     lqg_saturating: tuple[LQGCandidate, ...]
     pd: tuple[PDCandidate, ...]

@@ -36,7 +36,7 @@ CONTROLLERS: dict[str, tuple[Callable[[Bench], Tuned], str]] = {
     ),
     "individual_flap": (
         tune_individual,
-        "PID on collective, tilt and yaw moments: the collective channel as `pid`, the others as the margin allows",
+        "PID on collective, tilt and yaw moments: collective as `pid`, the others as the disk margin allows",
     ),
     "lqg": (
         tune_lqg,
@@ -44,11 +44,11 @@ CONTROLLERS: dict[str, tuple[Callable[[Bench], Tuned], str]] = {
     ),
     "lqg_saturating": (
         tune_saturating,
-        "LQG of the clamped blade, as heavy as the margin allows, stops in the loop",
+        "LQG of the clamped blade, as heavy as the disk margin allows, stops in the loop",
     ),
     "lqg_multiblade_saturating": (
         tune_multiblade_saturating,
-        "LQG of the whole turning turbine, as heavy as the margin allows, stops in the loop",
+        "LQG of the whole turning turbine, as heavy as the disk margin allows, stops in the loop",
     ),
 }
 
@@ -95,8 +95,8 @@ def report(name: str, tuned: Tuned) -> str:
     return "\n".join(
         [
             f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in numbers.items()),
-            f"  full closed loop: spectral radius {design['spectral_radius']:.6f}, stable up to "
-            f"{design['effectiveness_margin']:.2f} times the flap's effect",
+            f"  full closed loop: spectral radius {design['spectral_radius']:.6f}, disk margin "
+            f"{design['disk_margin']:.2f}, stable up to {design['effectiveness_margin']:.2f} times the flap's effect",
             f"  tuning realisations: RBM rms {design['tuning_rbm_rms'] / 1e6:.3f} MN m, flap at most "
             f"{np.rad2deg(design['tuning_flap_angle_max']):.2f} deg and "
             f"{np.rad2deg(design['tuning_flap_rate_max']):.1f} deg/s",
@@ -106,6 +106,7 @@ def report(name: str, tuned: Tuned) -> str:
 
 _FOUND = (
     "spectral_radius",
+    "disk_margin",
     "effectiveness_margin",
     "tuning_rbm_rms",
     "tuning_flap_angle_max",

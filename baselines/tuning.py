@@ -16,7 +16,6 @@ from flapgym.control import (
     PDGains,
     PIDGains,
     RotorController,
-    Stability,
     Weights,
     closed_loop,
     design_model,
@@ -28,6 +27,7 @@ from flapgym.control import (
     stationary_rms,
 )
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
+from flapgym.control.margins import disk_margin
 from flapgym.evaluation import Metrics, measure, simulate
 from flapgym.state_space import StateSpace
 
@@ -51,7 +51,7 @@ class Tuned:
     ----------
     agent : BladeController or RotorController
     design : dict
-        Weights or gains, margin and measured values, plain numbers.
+        Weights or gains, margins and measured values, plain numbers.
     """
 
     agent: LinearController
@@ -104,9 +104,19 @@ class Bench:
         angle = free.flap_angle_max.max() / self.model.flap_angle_limit
         return float(max(angle, free.flap_rate_max.max() / self.model.flap_rate_limit))
 
+    def disk_margin(self, agent: LinearController) -> float:
+        """Of the whole turbine's loop, stops left out; 0 if it is unstable."""
+        if closed_loop(self.model, agent.system).spectral_radius() >= 1.0:
+            return 0.0
+        return disk_margin(self.model, agent.system).alpha
+
+    def robust(self, agent: LinearController) -> bool:
+        """Whether the loop has the disk margin asked for."""
+        return self.disk_margin(agent) >= self.tuning.disk_margin
+
 
 def tune_lqg(bench: Bench) -> Tuned:
-    """The paper's rule, with the first candidate that has the margin."""
+    """The paper's rule, with the first candidate that has the disk margin."""
     found = []
     for candidate in bench.tuning.lqg:
 
@@ -117,18 +127,18 @@ def tune_lqg(bench: Bench) -> Tuned:
         if weight is None:
             continue
         agent = design(weight)
-        judged = stability(bench.model, agent.system)
-        found.append(judged.effectiveness_margin)
-        if judged.effectiveness_margin >= bench.tuning.margin:
-            return _tuned(bench, agent, judged, asdict(_weights(candidate, weight)))
+        found.append(bench.disk_margin(agent))
+        if found[-1] >= bench.tuning.disk_margin:
+            return _tuned(bench, agent, asdict(_weights(candidate, weight)))
     raise ValueError(
-        f"lqg: no candidate reaches the stops with a margin of {bench.tuning.margin} (margins found: {found}); "
+        f"lqg: no candidate reaches the stops with a disk margin of {bench.tuning.disk_margin} "
+        f"(found: {', '.join(f'{margin:.2f}' for margin in found) or 'none stable'}); "
         "add one with more measurement noise"
     )
 
 
 def tune_saturating(bench: Bench) -> Tuned:
-    """The heaviest weight the margin allows, for each candidate; of these the least rms."""
+    """The heaviest weight the disk margin allows, for each candidate; of these the least rms."""
     return _saturating(bench, "lqg_saturating", design_model(bench.model))
 
 
@@ -151,7 +161,7 @@ def _saturating(bench: Bench, name: str, on: DesignModel) -> Tuned:
 
 
 def tune_pd(bench: Bench) -> Tuned:
-    """The paper's rule for every candidate; of those with the margin the least rms."""
+    """The paper's rule for every candidate; of those with the disk margin the least rms."""
 
     def designs() -> Iterable[tuple[LinearController, dict[str, float]]]:
         for candidate in bench.tuning.pd:
@@ -183,7 +193,7 @@ def tune_pid(bench: Bench) -> Tuned:
 
 
 def tune_individual(bench: Bench) -> Tuned:
-    """Individual flap control: the tuned PID on the collective channel, on tilt and yaw what the margin allows.
+    """Individual flap control: the tuned PID on the collective channel, on tilt and yaw what the disk margin allows.
 
     A homogeneous gust hardly loads those two, so no stop bounds their gain. Of the candidates the one that takes the
     heaviest integral.
@@ -207,7 +217,7 @@ def tune_individual(bench: Bench) -> Tuned:
     if best is None:
         raise ValueError("individual_flap: the tuning file has no candidate for tilt and yaw")
     _, agent, numbers = best
-    return _tuned(bench, agent, stability(bench.model, agent.system), numbers)
+    return _tuned(bench, agent, numbers)
 
 
 def meet_the_stops(bench: Bench, design: Design, start: float) -> float | None:
@@ -255,43 +265,39 @@ def _for_rms(bench: Bench, design: Design, angle: float, start: float) -> float 
 
 
 def heaviest(bench: Bench, design: Design, lowest: float = 0.1, highest: float = 1e4) -> float:
-    """The largest weight, to 3 %, at which the loop is stable up to the margin on the flap's effect."""
-    factors = np.linspace(bench.tuning.margin, 1.0, 4)
-
-    def stable(weight: float) -> bool:
-        system = design(weight).system
-        return all(closed_loop(bench.model, system, factor).spectral_radius() < 1.0 for factor in factors)
-
-    if not stable(lowest):
-        raise ValueError(f"no margin of {bench.tuning.margin} even at a weight of {lowest} on the moment")
+    """The largest weight, to 3 %, at which the loop keeps the disk margin."""
+    if not bench.robust(design(lowest)):
+        raise ValueError(
+            f"no disk margin of {bench.tuning.disk_margin} even at a weight of {lowest} on the moment"
+        )
     while highest / lowest > 1.03:
         middle = float(np.sqrt(lowest * highest))
-        lowest, highest = (middle, highest) if stable(middle) else (lowest, middle)
+        lowest, highest = (middle, highest) if bench.robust(design(middle)) else (lowest, middle)
     return lowest
 
 
 def _least_rms(bench: Bench, designs: Iterable[tuple[LinearController, dict[str, float]]]) -> Tuned:
     best: Tuned | None = None
     for agent, numbers in designs:
-        judged = stability(bench.model, agent.system)
-        if judged.effectiveness_margin < bench.tuning.margin:
+        if not bench.robust(agent):
             continue
-        tuned = _tuned(bench, agent, judged, numbers)
+        tuned = _tuned(bench, agent, numbers)
         if best is None or tuned.design["tuning_rbm_rms"] < best.design["tuning_rbm_rms"]:
             best = tuned
     if best is None:
-        raise ValueError(f"no candidate has a margin of {bench.tuning.margin}")
+        raise ValueError(f"no candidate has a disk margin of {bench.tuning.disk_margin}")
     return best
 
 
-def _tuned(bench: Bench, agent: LinearController, judged: Stability, numbers: dict[str, float]) -> Tuned:
-    """Numbers of the design with what it does behind the real stops."""
-    metrics = bench.measure(agent)
+def _tuned(bench: Bench, agent: LinearController, numbers: dict[str, float]) -> Tuned:
+    """Numbers of the design with its margins and what it does behind the real stops."""
+    metrics, judged = bench.measure(agent), stability(bench.model, agent.system)
     return Tuned(
         agent,
         numbers
         | {
             "spectral_radius": judged.spectral_radius,
+            "disk_margin": bench.disk_margin(agent),
             "effectiveness_margin": min(judged.effectiveness_margin, LARGEST_EFFECTIVENESS),
             "tuning_rbm_rms": float(metrics.rbm_rms.mean()),
             "tuning_flap_angle_max": float(metrics.flap_angle_max.max()),

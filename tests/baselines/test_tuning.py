@@ -1,11 +1,12 @@
 """The tuning rules on a small turbine: the flap meets its stop, margins hold, bad files are refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from baselines import tune
+from baselines import tune, tuning
 from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning, load_tuning
 from baselines.tuning import (
     Bench,
@@ -18,7 +19,8 @@ from baselines.tuning import (
     tune_saturating,
 )
 from flapgym.aeroelastic import save_model
-from flapgym.control import Weights, closed_loop, load_agent, lqg_agent, made_for
+from flapgym.control import Weights, load_agent, lqg_agent, made_for
+from flapgym.control.margins import disk_margin
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -26,7 +28,7 @@ CONFIG = Path(__file__).parents[2] / "configs" / "tuning.toml"
 LQG = (LQGCandidate(1.0, 0.0036, 0.01),)
 PD = (PDCandidate(0.1, 0.1, 12.0, 0.8),)
 PID = (PIDCandidate(0.1, 0.1, 12.0, 0.8, 1.0, 2.0),)
-BENCH = Bench(MODEL, Tuning(5, 2, 1.6, LQG, LQG, PD, PID, PID), 30.0, lambda name: None)
+BENCH = Bench(MODEL, Tuning(5, 2, 0.54, LQG, LQG, PD, PID, PID), 30.0, lambda name: None)
 
 
 def test_the_rule_brings_the_flap_just_to_its_stop():
@@ -46,16 +48,34 @@ def test_a_rule_without_an_answer_says_so():
     assert meet_the_stops(BENCH, wrong_way, 1e-3) is None
 
 
-def test_the_saturating_design_is_as_heavy_as_the_margin_allows():
+def test_the_saturating_design_is_as_heavy_as_the_disk_margin_allows():
     weak = LQGCandidate(1.0, 1e-5, 0.002)
-    bench = Bench(MODEL, Tuning(5, 2, 4.0, LQG, (weak,), PD, PID, PID), 30.0, lambda name: None)
+    bench = Bench(MODEL, Tuning(5, 2, 1.2, LQG, (weak,), PD, PID, PID), 30.0, lambda name: None)
 
     def design(weight):
         return lqg_agent("lqg", MODEL, Weights(weight, 1.0, 1e-5, 0.002))
 
     weight = heaviest(bench, design, highest=1e6)
-    assert closed_loop(MODEL, design(weight).system, 4.0).spectral_radius() < 1.0
-    assert closed_loop(MODEL, design(1.1 * weight).system, 4.0).spectral_radius() >= 1.0
+    assert disk_margin(MODEL, design(weight).system).alpha >= 1.2
+    assert disk_margin(MODEL, design(1.1 * weight).system).alpha < 1.2
+
+
+def test_the_limit_respecting_lqg_is_the_first_candidate_with_the_disk_margin(monkeypatch):
+    """On this turbine an observer that expects less noise has more of it: 1.8 at 1 %, 1.5 at 30 %."""
+    monkeypatch.setattr(tuning, "meet_the_stops", lambda bench, design, start: 0.9)
+    candidates = (LQGCandidate(1.0, 0.0036, 0.3), LQGCandidate(1.0, 0.0036, 0.01))
+    for asked, noise in ((1.0, 0.3), (1.6, 0.01)):
+        bench = replace(BENCH, tuning=replace(BENCH.tuning, disk_margin=asked, lqg=candidates))
+        design = tune_lqg(bench).design
+        assert design["measurement_noise"] == noise
+        assert design["disk_margin"] >= asked
+
+
+def test_no_candidate_with_the_disk_margin_is_said_with_those_found(monkeypatch):
+    monkeypatch.setattr(tuning, "meet_the_stops", lambda bench, design, start: 0.9)
+    bench = replace(BENCH, tuning=replace(BENCH.tuning, disk_margin=1.9))
+    with pytest.raises(ValueError, match=r"disk margin of 1.9 \(found: 1.8"):
+        tune_lqg(bench)
 
 
 def test_the_saturating_design_reduces_more_than_the_limit_respecting_one():
@@ -64,9 +84,9 @@ def test_the_saturating_design_reduces_more_than_the_limit_respecting_one():
     assert fierce.design["tuning_flap_angle_max"] <= MODEL.flap_angle_limit
 
 
-def test_tilt_and_yaw_get_as_much_gain_as_the_margin_allows():
+def test_tilt_and_yaw_get_as_much_gain_as_the_disk_margin_allows():
     tuned = tune_individual(BENCH)
-    assert tuned.design["effectiveness_margin"] == pytest.approx(1.6, rel=0.05)
+    assert tuned.design["disk_margin"] == pytest.approx(0.54, rel=0.05)
     assert tuned.design["collective_proportional"] == tune_pid(BENCH).design["proportional"]
 
 
@@ -83,19 +103,19 @@ def test_the_program_saves_agents_of_the_model_given(tmp_path, capsys, monkeypat
 
 
 def test_the_shipped_tuning_file_is_read():
-    tuning = load_tuning(CONFIG)
-    assert tuning.margin == 1.6
-    assert tuning.lqg[0].measurement_noise == pytest.approx(0.01)
+    shipped = load_tuning(CONFIG)
+    assert shipped.disk_margin == 0.54
+    assert shipped.lqg[0].measurement_noise == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ("margin = 1.6", "margins = 1.6", "margins: unknown key; did you mean 'margin'"),
+        ("disk_margin = ", "disc_margin = ", "disc_margin: unknown key; did you mean 'disk_margin'"),
         ('"12 rad/s"', '"12 m"', "pd.*servo_frequency"),
         ("realisations = 20", "realisations = 0", "realisations"),
         ("seed = 2000000", "seed = 1000003", "must not be scored ones"),
-        ("acceleration = 3.6", "acceleration = 0", "acceleration"),
+        ("acceleration = 36.0", "acceleration = 0", "acceleration"),
     ],
 )
 def test_a_faulty_tuning_file_is_refused_by_the_fields_name(tmp_path, old, new, text):

@@ -16,6 +16,7 @@ from flapgym.control import (
     stationary_rms,
 )
 from flapgym.control.closed_loop import with_effectiveness
+from flapgym.control.margins import disk_margin
 from flapgym.evaluation import compare, measure, simulate
 
 TUNED = ("pd", "pid", "individual_flap", "lqg", "lqg_saturating")
@@ -35,10 +36,13 @@ def test_every_named_agent_is_shipped_and_made_for_the_shipped_model(model, name
 
 
 @pytest.mark.parametrize("name", [*TUNED, WHOLE])
-def test_the_whole_turbine_bears_a_flap_of_1_6_times_the_effect(model, name):
+def test_the_loop_on_the_whole_turbine_has_the_disk_margin_and_bears_the_gain_it_guarantees(model, name):
+    """No mode, however narrow, hides between the frequencies of the margin: the gains are tried on the loop itself."""
     agent = load_agent(name, model)
     assert isinstance(agent, BladeController | RotorController)
-    for factor in (1.0, 1.2, 1.4, 1.6):
+    margin = disk_margin(model, agent.system)
+    assert margin.alpha >= 0.54
+    for factor in np.linspace(*margin.gain, 5):
         assert closed_loop(model, agent.system, factor).spectral_radius() < 1.0
 
 

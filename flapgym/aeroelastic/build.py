@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -94,15 +94,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         turbine, periodic = fourier_series(azimuth_steps(uneven, rotor, dt, late))
         errors["harmonics left out, at most"] = TOLERANCE
     single = delayed(single) if late else single
-    for name, system in (("turbine", turbine), ("blade", single)):
-        radius = system.spectral_radius()
-        if radius >= 1.0:
-            point = case.operating_point
-            raise ValueError(
-                f"operating_point: the {name} of case {case.name!r} is unstable (spectral radius {radius:.6f}) at "
-                f"{point.wind_speed:g} m/s, tip-speed ratio {point.tip_speed_ratio:g} and "
-                f"{np.degrees(point.pitch):g} deg of pitch; above rated wind the rotor keeps its speed and is pitched"
-            )
+    refuse_unstable(case, {"turbine": turbine, "blade": single})
     limits = case.flap
     model = TurbineModel(
         turbine=turbine,
@@ -124,6 +116,19 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     )
     tolerance = case.reduction.coupled_tolerance
     return compact_model(model, tolerance) if tolerance else model
+
+
+def refuse_unstable(case: Case, systems: Mapping[str, StateSpace]) -> None:
+    """Raise on a system that grows, with the operating point that it grows at."""
+    for name, system in systems.items():
+        radius = system.spectral_radius()
+        if radius >= 1.0:
+            point = case.operating_point
+            raise ValueError(
+                f"operating_point: the {name} of case {case.name!r} is unstable (spectral radius {radius:.6f}) at "
+                f"{point.wind_speed:g} m/s, tip-speed ratio {point.tip_speed_ratio:g} and "
+                f"{np.degrees(point.pitch):g} deg of pitch; above rated wind the rotor keeps its speed and is pitched"
+            )
 
 
 def tools() -> dict[str, str]:

@@ -149,7 +149,9 @@ def _find(name: str | os.PathLike[str]) -> Path:
             f"agent {name}: unknown; expected one of {', '.join(AGENT_NAMES)} or the path of an agent's .json file"
         )
     if not path.is_file():
-        raise ValueError(f"agent {name}: no such file")
+        raise ValueError(
+            f"agent {name}: no such file; give the path of an agent's .json file, or one of {', '.join(AGENT_NAMES)}"
+        )
     return path
 
 

@@ -307,19 +307,18 @@ def with_blade_rms(model: TurbineModel) -> TurbineModel:
 def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] | Array:
     """Actions as contiguous floats of the right shape, or an error that says what is wrong with them."""
     try:
-        if np.iscomplexobj(actions):
+        given = np.asarray(actions)
+        if given.dtype.kind == "c":
             raise TypeError
-        single = isinstance(actions, np.ndarray) and actions.dtype == np.float32
+        single = given.dtype == np.float32
         # Copied into an array of NumPy's own type: one that was pickled, as on its way to another process, has a type
         # that equals it and is another object.
-        values: NDArray[np.float32] | Array = np.empty(
-            np.shape(actions), np.float32 if single else np.float64
-        )
-        values[...] = actions
+        values: NDArray[np.float32] | Array = np.empty(given.shape, np.float32 if single else np.float64)
+        values[...] = given
     except (TypeError, ValueError):
         raise ValueError(f"action: expected real numbers of shape {shape}, got {actions!r}") from None
     if values.shape != shape:
-        raise ValueError(f"action: expected shape {shape}, got {np.shape(actions)}")
+        raise ValueError(f"action: expected shape {shape}, got {values.shape}")
     return values
 
 

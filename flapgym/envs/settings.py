@@ -117,7 +117,7 @@ class Settings:
         """Refuse what only a whole turbine has."""
         for name in self.observe:
             if name in ("azimuth", "tower_top"):
-                raise ValueError(f"observe: a single blade has no {name}")
+                raise ValueError(f"observe: a single blade has no {name}; leave it out")
         if self.tower_weight:
             raise ValueError(f"tower_weight: expected 0 for a single blade, got {self.tower_weight!r}")
 

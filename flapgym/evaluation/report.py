@@ -37,7 +37,7 @@ def writable_folder(output: str | os.PathLike[str]) -> Path:
     except OSError as error:
         raise ValueError(f"output {folder}: cannot make this folder ({error.strerror})") from None
     if not os.access(folder, os.W_OK):
-        raise ValueError(f"output {folder}: not writable")
+        raise ValueError(f"output {folder}: cannot write in this folder; name another")
     return folder
 
 

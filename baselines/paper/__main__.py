@@ -286,7 +286,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             "baselines.paper: interrupted; what is finished is kept, run it again to go on", file=sys.stderr
         )
         return 130
-    sections = [summary(sections), parameters(model), *sections]
+    glance = [summary(sections)] if any(section.verdict for section in sections) else []
+    sections = [*glance, parameters(model), *sections]
     write_atomically(output / "paper.md", as_markdown(TITLE, sections, output).encode())
     write_atomically(output / "paper.html", as_html(TITLE, sections).encode())
     print(f"wrote {output / 'paper.md'} and {output / 'paper.html'}")

@@ -7,6 +7,7 @@ and continued from there; several scenarios may run side by side. A step of 7 ms
 from __future__ import annotations
 
 import argparse
+import hashlib
 import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -160,7 +161,9 @@ def pair(scenario: str, model: TurbineModel, duration: float, seed: int, folder:
     wind = wind_of(scenario, model, duration, seed)
     linear = Loop(LinearMarch(model).step, agent, model)
     linear.run(wind)
-    beams = beams_under(wind, agent, model, folder / f"nonlinear-{scenario}-{seed}-{model.hash[:12]}.npz")
+    # The linear turbine's answer knows model, agent and wind: a change of any of them begins another file.
+    known = hashlib.sha256(linear.series[:PART].tobytes()).hexdigest()[:12]
+    beams = beams_under(wind, agent, model, folder / f"nonlinear-{scenario}-{known}.npz")
     first = 0 if scenario == "gust" else round(RAMP / model.time_step)
     return linear.series[first:], beams[first:]
 

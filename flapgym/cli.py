@@ -241,7 +241,7 @@ def _modes(options: argparse.Namespace) -> Work:
                 f"--plot: expected a file that ends in {', '.join(PICTURES)}, got {options.plot}"
             )
         if importlib.util.find_spec("matplotlib") is None:
-            raise ValueError("--plot: matplotlib is not installed (pip install flapgym[baselines])")
+            raise ValueError("--plot: matplotlib is not installed (pip install 'flapgym[baselines]')")
         _check_writable(options.plot, "--plot")
 
     def work() -> int:

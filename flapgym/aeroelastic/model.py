@@ -210,6 +210,8 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
         If the file is no model file, is damaged, or has another format version.
     """
     path = _find(name)
+    if path.suffix == ".toml":
+        raise ValueError(f"model {path}: a case, not a model file; make one by `flapgym build {path} --output FILE`")
     try:
         with safetensors.safe_open(path, framework="numpy") as file:
             metadata = file.metadata() or {}

@@ -102,6 +102,11 @@ def save_agent(
     design : mapping
         Plain JSON values: how it was made (weights, hyperparameters, what was measured).
     """
+    if not isinstance(agent, BladeController | RotorController | Policy):
+        raise TypeError(
+            f"agent: expected a BladeController, RotorController or Policy, got {type(agent).__name__}; "
+            "any other agent is handed to flapgym.evaluation.compare as it is"
+        )
     target = Path(path)
     if target.suffix != ".json":
         raise ValueError(f"agent {target}: expected a path that ends in .json")

@@ -38,7 +38,7 @@ def _solver(from_offsets: Array) -> Any:
     try:
         import daqp
     except ImportError:
-        raise ImportError("predictive control needs the solver daqp: pip install flapgym[mpc]") from None
+        raise ImportError("predictive control needs the solver daqp: pip install 'flapgym[mpc]'") from None
     solver = daqp.Model()
     solver.settings = {"primal_tol": TOLERANCE}
     rows, blocks = from_offsets.shape

@@ -165,7 +165,7 @@ def _described(space: gymnasium.Space) -> str:  # type: ignore[type-arg]
 def _keywords(entry: Registered) -> str:
     if not entry.keywords:
         return "none"
-    return ", ".join(f"`{name}={json.dumps(value)}`" for name, value in entry.keywords.items())
+    return ", ".join(f"`{name}={value!r}`" for name, value in entry.keywords.items())
 
 
 def write(folder: Path) -> None:

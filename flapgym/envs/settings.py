@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -43,6 +43,13 @@ class Settings:
     kernel: str = "auto"
 
     def __post_init__(self) -> None:
+        if not isinstance(self.model, (str, os.PathLike, TurbineModel)):
+            raise ValueError(
+                f"model: expected the name of a shipped model or a model file, got {self.model!r}"
+            )
+        for name in ("full_info", "record_samples"):
+            if not isinstance(getattr(self, name), (bool, np.bool_)):
+                raise ValueError(f"{name}: expected True or False, got {getattr(self, name)!r}")
         positive = ["length_scale", "duration"] + ["wind_speed"] * (self.wind_speed is not None)
         for name in (
             *positive,
@@ -80,7 +87,7 @@ class Settings:
         if self.gust is not None:
             gust_of(self.gust)
             if self.realisation_pool:
-                raise ValueError("realisation_pool: expected 0 beside a gust, whose wind no pool holds")
+                raise ValueError(f"realisation_pool: expected 0 beside a gust, whose wind no pool holds, got {pool}")
 
     @classmethod
     def of(cls, keywords: dict[str, Any]) -> Settings:
@@ -226,6 +233,8 @@ def _checked_intensity(given: Any) -> float | tuple[float, ...]:
 
 def checked_observe(observe: Sequence[str]) -> tuple[str, ...]:
     """The observed quantities as a tuple, or an error that names the one that does not exist."""
+    if not isinstance(observe, Iterable):
+        raise ValueError(f"observe: expected names among {', '.join(QUANTITIES)}, got {observe!r}")
     names = (observe,) if isinstance(observe, str) else tuple(observe)
     if not names:
         raise ValueError(f"observe: expected at least one of {', '.join(QUANTITIES)}, got none")

@@ -125,7 +125,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward |
     | `full_info` | `False` | more in `info`, see Information |
     | `record_samples` | `False` | put every plant sample into `info` |
-    | `realisation_pool` | 0 | draw from the realisations of seeds 0 to this - 1, shared in the process; 0: always new |
+    | `realisation_pool` | 0 | draw from realisations 0 to this - 1, shared in the process; 0, as a gust needs: none |
     | `precision` | `"float64"` | `"float32"` halves memory and time of large batches, see docs/speed.md |
     | `kernel` | `"auto"` | `"numba"` (extra `fast`), `"numpy"`, or the first installed; equal to round-off |
     | `render_mode` | `None` | `"rgb_array"` or `"human"`; `FlapVectorEnv` has the first alone |

@@ -59,6 +59,9 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             raise ValueError(
                 f'render_mode: expected None or "rgb_array", got {render_mode!r}; a window shows a FlapEnv'
             )
+        modes = [mode.value for mode in AutoresetMode]
+        if autoreset_mode not in (*AutoresetMode, *modes):
+            raise ValueError(f"autoreset_mode: expected one of {', '.join(modes)}, got {autoreset_mode!r}")
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)

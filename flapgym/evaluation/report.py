@@ -142,5 +142,5 @@ def _remarks(comparison: Comparison) -> list[str]:
     if any(not score.made_for_this_model for score in comparison.scores.values()):
         remarks.append("* made for another model than this one.")
     if not figure_is_possible():
-        remarks.append("No figure: matplotlib is not installed (pip install flapgym[baselines]).")
+        remarks.append("No figure: matplotlib is not installed (pip install 'flapgym[baselines]').")
     return remarks

@@ -73,6 +73,10 @@ def _merged(path: Path, kind: str, derived: tuple[Path, ...]) -> dict[str, Any]:
         turbine = _find(Text().check(document["turbine"], "turbine"), "turbine", path.parent)
         document["turbine"] = _load(Turbine, turbine, "turbine")
     if "base" not in document:
+        if kind == "case" and "turbine" not in document:
+            raise ValueError(
+                'base: missing; give the case this one differs from, such as base = "nrel5mw-rated", or a turbine'
+            )
         return document
     base = _find(Text().check(document.pop("base"), "base"), kind, path.parent)
     chain = (*derived, path.resolve())

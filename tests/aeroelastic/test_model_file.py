@@ -37,6 +37,18 @@ def test_unknown_name_lists_the_shipped_models():
         load_model("nrel5mw-ratde")
 
 
+def test_a_case_given_for_a_model_is_told_how_it_becomes_one(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('base = "nrel5mw-rated"\n')
+    with pytest.raises(ValueError, match=r"flapgym build .*mine\.toml --output"):
+        load_model(path)
+
+
+def test_a_model_saved_where_no_folder_is_names_the_folder(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no folder .*nowhere; make it first"):
+        save_model(load_model(), tmp_path / "nowhere" / "model.safetensors")
+
+
 @pytest.mark.parametrize("cut", [0, 10, 5000])
 def test_truncated_file_is_named_as_damaged(tmp_path, cut):
     path = tmp_path / "cut.safetensors"

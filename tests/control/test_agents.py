@@ -206,6 +206,11 @@ def test_wrong_entries_are_refused_by_name(tmp_path, changes, text):
         load_agent(path, MODEL)
 
 
+def test_an_agent_that_no_file_holds_is_refused_by_its_kind(tmp_path):
+    with pytest.raises(TypeError, match="got OpenLoop; any other agent is handed to .*compare"):
+        save_agent(tmp_path / "mine.json", OpenLoop(), MODEL, "A test.", {})
+
+
 def test_an_observation_of_the_wrong_size_is_refused():
     with pytest.raises(ValueError, match="expected 9"):
         _lqg().predict(np.zeros(3, dtype=np.float32))

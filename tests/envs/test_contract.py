@@ -227,13 +227,21 @@ def test_impossible_reset_options_are_refused_by_name(model_file, options, name)
         ("observe", ()),
         ("observe", ("rbm", "moment")),
         ("observe", ("rbm", "rbm")),
+        ("observe", 5),
         ("tower_weight", -1.0),
+        ("full_info", "yes"),
+        ("record_samples", 2),
         ("render_mode", "ansi"),
     ],
 )
 def test_impossible_keywords_are_refused_by_name(model_file, keyword, value):
     with pytest.raises(ValueError, match=keyword):
         flapgym.envs.FlapEnv(**{"model": model_file, keyword: value})
+
+
+def test_a_model_that_is_neither_name_nor_file_is_refused_by_name():
+    with pytest.raises(ValueError, match="model: expected"):
+        flapgym.envs.FlapEnv(model=3)
 
 
 def test_an_unknown_keyword_is_refused_by_name(model_file):

@@ -120,6 +120,11 @@ def test_each_environment_may_have_its_own_realisation():
     assert wind[0] == wind[1] != wind[2]
 
 
+def test_an_unknown_way_of_beginning_anew_is_refused_with_the_known_ones():
+    with pytest.raises(ValueError, match="autoreset_mode: expected one of .*SameStep.*, got 'same'"):
+        FlapVectorEnv(2, model=synthetic_model(), autoreset_mode="same")
+
+
 def test_bad_actions_seeds_and_masks_are_refused():
     env = FlapVectorEnv(2, model=synthetic_model())
     with pytest.raises(gymnasium.error.ResetNeeded):

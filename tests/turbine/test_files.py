@@ -207,6 +207,11 @@ def test_a_derived_case_needs_a_name_of_its_own(tmp_path):
         load_case(write(tmp_path, 'base = "nrel5mw-rated"\n'))
 
 
+def test_a_case_without_turbine_is_asked_for_its_base(tmp_path):
+    with pytest.raises(ValueError, match='base: missing; give .* base = "nrel5mw-rated"'):
+        load_case(write(tmp_path, 'name = "mine"\n[flap]\nrate_limit = "20 deg/s"\n'))
+
+
 def test_a_typo_in_a_derived_case_is_named(tmp_path):
     text = 'base = "nrel5mw-rated"\nname = "mine"\n[flap]\nangle_limt = "5 deg"\n'
     with pytest.raises(ValueError, match="flap.angle_limt: unknown key; did you mean 'angle_limit'"):

@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from baselines.paper.aerodynamics_sections import figure_8, figure_12
 from baselines.paper.cache import Cache
-from baselines.paper.control_sections import LABELS, gust_alleviation, robustness
+from baselines.paper.control_sections import LABELS, SETTLED, gust_alleviation, robustness
 from baselines.paper.controllers import VARIANTS, Controllers, Plants
 from baselines.paper.document import Section, Table, as_html, as_markdown, summary
 from baselines.paper.duty import Duty, measure_duty
@@ -114,8 +114,25 @@ class Study:
         scores = {name: score(each, open_loop, metrics["lqg"], self.model) for name, each in metrics.items()}
         base, reference = (first(each, PAPER_REALISATIONS) for each in (metrics["lqg"], open_loop))
         few = score(base, reference, base, self.model)
-        noise = shipped_weights("lqg").measurement_noise
-        return gust_alleviation(scores, few.changes, self.realisations, self.duration, noise)
+        return gust_alleviation(
+            scores,
+            few.changes,
+            self.realisations,
+            self.duration,
+            shipped_weights("lqg").measurement_noise,
+            self._settled_rate(),
+        )
+
+    def _settled_rate(self) -> float:
+        """Largest rate of the base case's flap once an episode is settled [rad/s]."""
+        first = round(SETTLED / self.model.time_step)
+
+        def take(record: Record) -> dict[str, Array]:
+            return {"rate": np.abs(record.flap_rate[:, first:]).max(axis=(1, 2))}
+
+        trial = Trial("settled", self.realisations, self.duration)
+        found = measured(self.controllers.agent("lqg"), self.model, trial, self.cache, self.told, take)
+        return float(found["rate"].max())
 
     def readings(self) -> Section:
         """The base case with the lattice's own flap, and tuned on what it is scored on."""

@@ -16,6 +16,8 @@ from flapgym.state_space import Array
 
 STOP, RATE = np.deg2rad(10.0), np.deg2rad(100.0)
 """Of the paper's flap [rad, rad/s]."""
+SETTLED = 2.0
+"""Time after which the estimate an episode begins with is forgotten [s]."""
 PAPER = {"rbm_rms": -22.0, "tip_rms": -23.0, "rbm_del": -17.0}
 """Changes with the base case [%]."""
 
@@ -40,13 +42,17 @@ REMARKS = {
     "lqg_clamped_rotor": "Homogeneous gusts leave the blades little to tell each other.",
     "lqg_moving_root": "The tower's motion is slow and small against the gust: the observer learns nothing of use.",
     "lqg_frozen": "The joint's azimuth hardly matters to a collective gust.",
-    "lqg_multiblade": "Exact knowledge of the turning turbine adds nothing against a collective gust either; what it "
-    "adds is margin.",
+    "lqg_multiblade": "Exact knowledge of the turning turbine adds nothing against a collective gust either.",
 }
 
 
 def gust_alleviation(
-    scores: dict[str, Score], few: dict[str, Estimate], realisations: int, duration: float, noise: float
+    scores: dict[str, Score],
+    few: dict[str, Estimate],
+    realisations: int,
+    duration: float,
+    noise: float,
+    settled_rate: float,
 ) -> Section:
     """The percentages of Section IV.C.
 
@@ -60,6 +66,8 @@ def gust_alleviation(
         Of each [s].
     noise : float
         What the observers expect, of the open-loop rms moment.
+    settled_rate : float
+        Largest rate of the base case's flap once an episode is `SETTLED` old [rad/s].
     """
     base = scores["lqg"]
     head = ("controller", *(f"{label} [%]" for label in CHANGES.values()))
@@ -111,7 +119,7 @@ def gust_alleviation(
                 errors,
             ),
             _side_studies(scores),
-            *_sentences(scores, base),
+            *_sentences(scores, base, settled_rate),
         ),
         _verdict(scores, base),
     )
@@ -147,7 +155,7 @@ def more(score: Score) -> float:
     return round(100.0 * score.against_base.mean, 1) + 0.0
 
 
-def _sentences(scores: dict[str, Score], base: Score) -> list[str]:
+def _sentences(scores: dict[str, Score], base: Score, settled_rate: float) -> list[str]:
     lines = []
     gaps = {CHANGES[metric]: 100.0 * base.changes[metric].mean - paper for metric, paper in PAPER.items()}
     worst = max(gaps, key=lambda name: abs(gaps[name]))
@@ -158,9 +166,10 @@ def _sentences(scores: dict[str, Score], base: Score) -> list[str]:
     )
     meets = base.flap_angle_max >= 0.99 * STOP
     lines.append(
-        f"Its flap reaches {np.rad2deg(base.flap_angle_max):.1f} deg and {np.rad2deg(base.flap_rate_max):.0f} deg/s; "
-        "the paper says that it meets 10 deg and stays well below 100 deg/s: "
-        f"{'agrees' if meets and base.flap_rate_max < 0.5 * RATE else 'disagrees'}."
+        f"Its flap reaches {np.rad2deg(base.flap_angle_max):.1f} deg and, once an episode is {SETTLED:g} s old, "
+        f"{np.rad2deg(settled_rate):.0f} deg/s; the paper says that it meets 10 deg and stays well below 100 deg/s: "
+        f"{'agrees' if meets and settled_rate < 0.5 * RATE else 'disagrees'}. At the very start, where the observer "
+        f"knows one load and no more, the rate comes to {np.rad2deg(base.flap_rate_max):.0f} deg/s."
     )
     for name, (low, high, words) in EXPECTED.items():
         if name in scores:

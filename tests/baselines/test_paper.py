@@ -122,7 +122,7 @@ def test_a_disagreement_with_the_paper_is_said():
         for name, value in estimate.items()
     }
     assert more(made["lqg_frozen"]) == pytest.approx(-23.1)
-    text = as_markdown("t", [gust_alleviation(made, made["lqg"].changes, 50, 267.0, 0.05)], Path())
+    text = as_markdown("t", [gust_alleviation(made, made["lqg"].changes, 50, 267.0, 0.05, 0.3)], Path())
     assert "2.6 % less reduction of the RBM rms than the base case (95 % interval -30.0 to +0.0 %)" in text
     assert "the paper says similar: agrees" in text
     assert "the paper says less than 5 % different: disagrees" in text

@@ -211,7 +211,9 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
     """
     path = _find(name)
     if path.suffix == ".toml":
-        raise ValueError(f"model {path}: a case, not a model file; make one by `flapgym build {path} --output FILE`")
+        raise ValueError(
+            f"model {path}: a case, not a model file; make one by `flapgym build {path} --output FILE`"
+        )
     try:
         with safetensors.safe_open(path, framework="numpy") as file:
             metadata = file.metadata() or {}

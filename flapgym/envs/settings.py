@@ -87,7 +87,9 @@ class Settings:
         if self.gust is not None:
             gust_of(self.gust)
             if self.realisation_pool:
-                raise ValueError(f"realisation_pool: expected 0 beside a gust, whose wind no pool holds, got {pool}")
+                raise ValueError(
+                    f"realisation_pool: expected 0 beside a gust, whose wind no pool holds, got {pool}"
+                )
 
     @classmethod
     def of(cls, keywords: dict[str, Any]) -> Settings:

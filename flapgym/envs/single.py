@@ -16,12 +16,10 @@ from flapgym.envs.fleet import (
     BRIEF,
     Fleet,
     Info,
-    further_info,
     generator_of,
     numbers,
     refusal,
     sample_info,
-    state_info,
 )
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
@@ -29,7 +27,19 @@ from flapgym.plant import layout
 
 # Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
 empty, ndarray, FLOAT32, ROW = np.empty, np.ndarray, np.dtype(np.float32), layout.ROW
-RBM, ANGLE, RATE = (slice(column, column + BLADES) for column in (layout.RBM, layout.ANGLE, layout.RATE))
+RBM, TIP, ANGLE, RATE, TRAVEL, MEAN_SQUARE, STOPPED = (
+    slice(column, column + BLADES)
+    for column in (
+        layout.RBM,
+        layout.TIP,
+        layout.ANGLE,
+        layout.RATE,
+        layout.TRAVEL,
+        layout.MEAN_SQUARE,
+        layout.STOPPED,
+    )
+)
+TOWER = slice(layout.TOWER, layout.TOWER + 2)
 WIND, AZIMUTH, REWARD = layout.WIND, layout.AZIMUTH, layout.REWARD
 
 
@@ -273,8 +283,16 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _tell_more(self, info: Info, row: NDArray[np.float64]) -> None:
         """What costs too much to be told or shown in every step without being asked for."""
         if self.settings.full_info:
-            given = state_info(row[None], BLADES) | further_info(row[None], BLADES)
-            info |= {name: value[0] if value.ndim > 1 else float(value[0]) for name, value in given.items()}
+            info |= {
+                "tip_deflection": row[TIP],
+                "tower_top": row[TOWER],
+                "flap_travel": row[TRAVEL],
+                "flap_stopped": row[STOPPED] != 0.0,
+                "rbm_mean_square": row[MEAN_SQUARE],
+                "reward_rbm": row.item(layout.REWARD_RBM),
+                "reward_flap_angle": row.item(layout.REWARD_ANGLE),
+                "reward_tower": row.item(layout.REWARD_TOWER),
+            }
         if self._room:
             samples = sample_info(self._room[0], BLADES)
             info["samples"] = {name: value[0] for name, value in samples.items()}

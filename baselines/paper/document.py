@@ -21,9 +21,9 @@ img { max-width: 100%; }
   body { font-size: 10pt; max-width: none; margin: 0; padding: 0; }
   table { font-size: 7pt; }
   th, td { padding: 0.1rem 0.35rem; }
-  h2 { break-after: avoid; }
-  tr, img { break-inside: avoid; }
-  img { max-height: 165mm; }
+  h2, thead tr, p:has(+ p img), p:has(+ table) { break-after: avoid; }
+  tr, img, p { break-inside: avoid; }
+  img { max-height: 140mm; }
 }
 """
 
@@ -118,8 +118,6 @@ def _table(table: Table) -> str:
     def row(cells: tuple[str, ...], tag: str) -> str:
         return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
-    return (
-        "<table>\n"
-        + "\n".join([row(table.head, "th"), *(row(cells, "td") for cells in table.rows)])
-        + "\n</table>"
-    )
+    # A head that is one is repeated where print breaks the table.
+    body = "\n".join(row(cells, "td") for cells in table.rows)
+    return f"<table>\n<thead>\n{row(table.head, 'th')}\n</thead>\n<tbody>\n{body}\n</tbody>\n</table>"

@@ -26,14 +26,15 @@ from flapgym.state_space import Array
 class _Announce(event.Listener):
     """Says so when code is compiled in earnest, not when it is read from the cache."""
 
-    def __init__(self) -> None:
+    def __init__(self, precision: str) -> None:
         super().__init__()
-        self.said = False
+        self.precision, self.said = precision, False
 
     def on_start(self, event: Any) -> None:
         if not self.said:
             sys.stderr.write(
-                "flapgym: compiling the plant's kernel, once for this installation (some seconds)\n"
+                f"flapgym: compiling the plant's kernel in {self.precision}, once for this installation "
+                "(some ten seconds)\n"
             )
             sys.stderr.flush()
         self.said = True
@@ -69,7 +70,7 @@ def load_kernel(precision: str, afresh: bool = False) -> tuple[Any, Any]:
             if hasattr(part, "recompile"):
                 part._cache.flush()
         function._reset_overloads()
-    announce, entries = _Announce(), []
+    announce, entries = _Announce(precision), []
     for action in (types.float32, types.float64):
         arguments = (
             types.int64,

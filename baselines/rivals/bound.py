@@ -197,7 +197,7 @@ def _solve(programme: _Programme) -> Any:
     try:
         import piqp
     except ImportError:
-        raise ImportError("the bound needs the solver piqp: pip install flapgym[baselines]") from None
+        raise ImportError("the bound needs the solver piqp: pip install 'flapgym[baselines]'") from None
     solver = piqp.SparseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = TOLERANCE
     solver.settings.kkt_solver = piqp.KKTSolver.sparse_multistage

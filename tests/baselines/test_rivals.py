@@ -220,5 +220,5 @@ def test_bad_input_costs_one_line_and_exit_code_two(arguments, tmp_path, capsys)
 
 def test_without_its_solver_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "piqp", None)
-    with pytest.raises(ImportError, match=r"pip install flapgym\[baselines\]"):
+    with pytest.raises(ImportError, match=r"pip install 'flapgym\[baselines\]'"):
         best_flap(_gusty(20), BLADE, MODEL, 5)

@@ -226,5 +226,5 @@ def test_bad_input_is_refused_by_name():
 
 def test_without_its_solver_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "daqp", None)
-    with pytest.raises(ImportError, match=r"pip install flapgym\[mpc\]"):
+    with pytest.raises(ImportError, match=r"pip install 'flapgym\[mpc\]'"):
         PredictiveController("mpc", MODEL, FIERCE)

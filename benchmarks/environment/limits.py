@@ -26,11 +26,9 @@ def limits(seconds: float, rounds: int, tell: Callable[[str], None]) -> dict[str
     """Multiply-adds per second in registers and bytes per second from memory, in both precisions."""
     from numba import njit
 
-    from flapgym.plant.compiled import OPTIONS, widest_vectors
+    from flapgym.plant.compiled_loops import OPTIONS, widest_vectors
 
-    options = dict(OPTIONS, cache=False)
-
-    @njit(**options)
+    @njit(**OPTIONS)
     def multiply_add(x: Any, turns: int) -> Any:
         widest_vectors()
         total = np.zeros(256, x.dtype)
@@ -60,7 +58,7 @@ def limits(seconds: float, rounds: int, tell: Callable[[str], None]) -> dict[str
                     part[i] = value
         return total.sum()
 
-    @njit(**options)
+    @njit(**OPTIONS)
     def triad(a: Any, b: Any, c: Any) -> None:
         widest_vectors()
         for i in range(a.size):

@@ -66,9 +66,7 @@ def load_kernel(precision: str, afresh: bool = False) -> tuple[Any, Any]:
     """
     function = {"float64": compiled.advance_double, "float32": compiled.advance_single}[precision]
     if afresh:
-        for part in vars(compiled).values():
-            if hasattr(part, "recompile"):
-                part._cache.flush()
+        function._cache.flush()
         function._reset_overloads()
     announce, entries = _Announce(precision), []
     for action in (types.float32, types.float64):
@@ -166,7 +164,7 @@ class CompiledPlant:
             layout.WEIGHT_RBM: task.rbm_weight,
             layout.WEIGHT_ANGLE: task.angle_weight,
             layout.WEIGHT_TOWER: task.tower_weight,
-            layout.LAYOUT: layout.EDITION,
+            layout.LAYOUT: compiled.EDITION,
         }.items():
             head[place] = value
         head[layout.EFFECTIVENESS : layout.EFFECTIVENESS + 3] = setup.faults.effectiveness

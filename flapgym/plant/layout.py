@@ -6,8 +6,6 @@ a plant knows is packed into two arrays, one of doubles and one of the precision
 
 from __future__ import annotations
 
-import zlib
-
 # ------------------------------------------------------------------- what a plant gives
 # A row of what a turbine did during an action: the columns that every plant fills, in SI units.
 RBM, TIP, ANGLE, RATE = 0, 3, 6, 9
@@ -68,6 +66,5 @@ DECAY, DRIVE, READ, READ_LAST = 0, 2, 14, 20
 each moment, then to the other five outputs."""
 CONSTANTS = 30
 """Rows of a group."""
-
-EDITION = zlib.crc32(repr(sorted((k, v) for k, v in globals().items() if k.isupper())).encode())
-"""Of these numbers: compiled code keeps the ones it was made with, and numba's cache does not see them change."""
+GROUP_SIZE = CONSTANTS * GROUP
+"""Numbers of a group's constants."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.plant import Faults, GivenWind, layout
+from flapgym.plant import Faults, GivenWind, compiled, layout
 from flapgym.plant.disturbance import disturbance_modes, disturbance_system
 from flapgym.plant.reference import run
 from tests.plant.plants import KERNELS, LENGTH_SCALE, fly, plant_of, rest, series, start_of
@@ -308,3 +308,12 @@ def test_the_quick_step_tells_what_the_row_says(kernel):
     row = np.empty(layout.ROW)
     told = plant.quick(np.ones(3, np.float32), np.empty(3, np.float32), row)
     assert told == (0, row[layout.REWARD], row[layout.WIND], row[layout.AZIMUTH])
+
+
+def test_code_compiled_from_other_files_refuses_to_serve():
+    plant = plant_of(1, 3, 6, every_sample=False, kernel="numba")
+    plant.reset(np.arange(1), start_of(plant))
+    plant._state[layout.LAYOUT] += 1
+    row = np.full(layout.ROW, 7.0)
+    assert plant.step(np.ones(3, np.float32), np.empty(3, np.float32), row) == compiled.OUTDATED
+    assert (row == 7.0).all()

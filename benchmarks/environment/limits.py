@@ -1,7 +1,7 @@
 """What the machine can do at most: multiply-adds and memory, by the compiler the plant is made with.
 
-The plant's step of a batch is 22 multiply-adds a complex mode (four of the mode, twelve of the inputs, six of the
-moments) and ten more in the last step of an action, so its distance from the machine is a quotient of two measurements.
+An action of k steps takes a batch two multiply-adds a complex mode for each of its 3 k + 6 outputs, four of the mode
+and six for the accelerations of each step, so its distance from the machine is a quotient of two measurements.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from flapgym.aeroelastic import TurbineModel
 from flapgym.plant import layout
 from flapgym.plant.kernel import prepare
 
-STEP_WORK, LAST_WORK = 22, 10
-"""Multiply-adds a complex mode in every step, and in the last one of an action besides."""
 LENGTH = 1 << 22
 """Numbers of the arrays whose sum is taken: more than the caches of a core hold."""
 
@@ -88,12 +86,13 @@ def _bound(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
 
 def work_per_step(model: TurbineModel, steps_per_action: int) -> float:
     """Multiply-adds of a plant step of one turbine in a batch."""
-    modes = prepare(model, steps_per_action, model.length_scale, False).flap.order
-    return modes * (STEP_WORK + LAST_WORK / steps_per_action)
+    kernel = prepare(model, steps_per_action, model.length_scale, False)
+    of_mode = 2 * kernel.rows.count + 4 + 2 * layout.BLADES * steps_per_action
+    return kernel.flap.order * of_mode / steps_per_action
 
 
 def memory_per_turbine(model: TurbineModel, intervals: int, steps_per_action: int, precision: str) -> int:
     """Bytes of modes, record and response to the wind."""
     size = np.dtype(precision).itemsize
-    modes = 2 * layout.GROUP * -(-prepare(model, 1, model.length_scale, False).flap.order // layout.GROUP)
+    modes = 2 * layout.LANES * -(-prepare(model, 1, model.length_scale, False).flap.order // layout.LANES)
     return size * (modes + intervals * (3 * steps_per_action + 6)) + 8 * layout.OWN

@@ -180,7 +180,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._fleet.action_time)}
         self._running = False
         self._plant, self._observed = self._fleet.plant, self._fleet.task.size
-        self._quick = self._plant.quick
+        self._quick, self._of_plant = self._plant.quick
         samples = self._fleet.samples()
         self._room = () if samples is None else (samples,)
         """Where the plant samples go, if they are wanted; they are copied from there."""
@@ -217,7 +217,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("step: no episode is running; call reset first")
         observation, row = empty(self._observed, FLOAT32), empty(ROW)
         if action.__class__ is ndarray and action.dtype is FLOAT32 and action.ndim == 1 and not self._room:
-            status, reward, wind, azimuth = self._quick(action, observation, row)
+            status, reward, wind, azimuth = self._quick(self._of_plant, action, observation, row)
         else:
             action = numbers(action, (BLADES,))
             status = self._plant.step(action, observation, row, *self._room)
@@ -235,7 +235,9 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         }
         if self._more:
             self._tell_more(info, row)
-        return observation, reward, status & 1 != 0, status & 2 != 0, info
+        if status:
+            return observation, reward, status & 1 != 0, status & 2 != 0, info
+        return observation, reward, False, False, info
 
     def get_state(self) -> dict[str, Any]:
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
@@ -274,11 +276,11 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __getstate__(self) -> dict[str, Any]:
         """A copy's plant is elsewhere."""
-        return {name: value for name, value in self.__dict__.items() if name != "_quick"}
+        return {name: value for name, value in self.__dict__.items() if name not in ("_quick", "_of_plant")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._quick = self._plant.quick
+        self._quick, self._of_plant = self._plant.quick
 
     def _tell_more(self, info: Info, row: NDArray[np.float64]) -> None:
         """What costs too much to be told or shown in every step without being asked for."""

@@ -101,7 +101,7 @@ class Actuator:
         return (1.0 - self.decay) * self.lag / self.time_step if self.lag > 0.0 else 0.0
 
     @cached_property
-    def _free(self) -> Array:
+    def free(self) -> Array:
         """Motion without stops, (2 (k + 1), 4): angle and rate of samples 0..k, from (angle, rate, lagged, c)."""
         dt, angle, rate, lagged, command = self.time_step, *np.eye(4)
         rows = [angle, rate]
@@ -132,7 +132,7 @@ class Actuator:
         stopped : (n, blades) bool or None
             Flaps that met a stop; None if none did, which is the cheap and the usual case.
         """
-        motion = self._free @ start
+        motion = self.free @ start
         beyond = np.abs(motion) > self._limits
         if not beyond.any():
             return motion, None

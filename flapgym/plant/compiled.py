@@ -15,30 +15,19 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numba import carray, njit, types
 from numba.extending import intrinsic
 
-from flapgym.plant.compiled_batch import PAIR, WORK, advance_block, move_block, read_block
+from flapgym.plant.compiled_batch import step_together
 from flapgym.plant.compiled_loops import OPTIONS, widest_vectors
-from flapgym.plant.compiled_one import ROW_PAIRS, advance_modes, move, read
+from flapgym.plant.compiled_one import step_singly
 from flapgym.plant.layout import (
     AZIMUTH,
     BLADE_COUNT,
     COUNT,
-    DISPLACED,
-    ENTRY,
-    EVERY,
     FEWEST_IN_BATCH,
-    FLAP_INPUTS,
-    GROUP,
-    GROUP_SIZE,
-    HEAD,
-    LANES,
     LAYOUT,
-    MODES,
     OBSERVED,
-    OWN,
     REWARD,
     ROW,
     SAMPLE,
@@ -51,7 +40,7 @@ OUTDATED = -(1 << 40)
 EDITION = zlib.crc32(
     b"".join(
         Path(__file__).with_name(f"{name}.py").read_bytes()
-        for name in ("layout", "compiled_loops", "compiled_one", "compiled_batch")
+        for name in ("layout", "compiled_loops", "compiled_modes", "compiled_one", "compiled_batch")
     )
 )
 """Of the files that go into the compiled code beside this one."""
@@ -144,8 +133,7 @@ def _told(status, row):  # type: ignore[no-untyped-def]
 @njit(**OPTIONS)
 def _advance(actions, real, state, pool, samples, observation, rows):  # type: ignore[no-untyped-def]
     widest_vectors()
-    n, k, modes_count = int(state[COUNT]), int(state[STEPS]), int(state[MODES])
-    groups = (modes_count + GROUP - 1) // GROUP
+    n, k = int(state[COUNT]), int(state[STEPS])
     if state[LAYOUT] != EDITION:
         return OUTDATED
     if actions.size != n * int(state[BLADE_COUNT]):
@@ -158,37 +146,6 @@ def _advance(actions, real, state, pool, samples, observation, rows):  # type: i
     for i in range(actions.size):
         if not abs(actions[i]) < math.inf:
             return -2 - i
-    every, displaced = state[EVERY] != 0.0, state[DISPLACED] != 0.0
-    records = HEAD + ENTRY * int(state[OBSERVED])
-    constants = real[: groups * GROUP_SIZE]
-    status = 0
     if n < FEWEST_IN_BATCH:
-        size = groups * ROW_PAIRS
-        modes = real[groups * GROUP_SIZE : groups * GROUP_SIZE + n * size]
-        scratch = real[groups * GROUP_SIZE + n * size :]
-        sums = scratch[: 8 * k * GROUP]
-        inputs = scratch[8 * k * GROUP : 8 * k * GROUP + (k + 1) * FLAP_INPUTS]
-        outputs = scratch[8 * k * GROUP + (k + 1) * FLAP_INPUTS :]
-        for t in range(n):
-            own = state[records + t * OWN : records + (t + 1) * OWN]
-            move(t, actions, state, own, inputs, rows, samples)
-            own_modes = modes[t * size : (t + 1) * size]
-            advance_modes(k, every, displaced, modes_count, constants, own_modes, inputs, sums, outputs)
-            status |= read(t, state, own, inputs, outputs, pool, observation, rows, samples)
-        return status
-    size = groups * GROUP * PAIR
-    blocks = (n + LANES - 1) // LANES
-    modes = real[groups * GROUP_SIZE : groups * GROUP_SIZE + blocks * size]
-    scratch = real[groups * GROUP_SIZE + blocks * size :]
-    inputs = scratch[: (k + 1) * FLAP_INPUTS * LANES]
-    outputs = scratch[(k + 1) * FLAP_INPUTS * LANES :]
-    work = np.empty((WORK + 9 * k) * LANES)
-    for block in range(blocks):
-        first = block * LANES
-        lanes = min(LANES, n - first)
-        move_block(first, lanes, actions, state, inputs, work, rows, samples)
-        advance_block(
-            lanes, k, every, modes_count, constants, modes[block * size : (block + 1) * size], inputs, outputs
-        )
-        status |= read_block(first, lanes, state, inputs, outputs, pool, work, observation, rows, samples)
-    return status
+        return step_singly(actions, real, state, pool, samples, observation, rows)
+    return step_together(actions, real, state, pool, samples, observation, rows)

@@ -1,33 +1,35 @@
-"""The compiled step of up to LANES turbines side by side; flapgym.plant.compiled_one does the same for one."""
+"""The compiled step of LANES turbines side by side; flapgym.plant.compiled_one does the same for one."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from flapgym.plant.compiled_loops import C1, OPTIONS, S1, THIRD, close, widest_vectors
+from flapgym.plant.compiled_modes import add_products_of_block, push_block
+from flapgym.plant.compiled_one import components
 from flapgym.plant.layout import (
     ACCELERATION_LIMIT,
     ANGLE,
     ANGLE_LIMIT,
     BLADE_COUNT,
+    BLADES,
     COSINE,
     COSINE_TURN,
-    DIRECT,
-    DRIVE,
+    COUNT,
     EFFECTIVENESS,
     ENTRY,
     EVERY,
     FLAP_INPUTS,
-    GROUP,
-    GROUP_SIZE,
     HEAD,
     INTERVALS,
     LAG_DECAY,
     LAG_GAIN,
     LANES,
     MEAN_SQUARE,
+    MODES,
     OBSERVED,
     OWN,
     OWN_ANGLE,
@@ -40,13 +42,12 @@ from flapgym.plant.layout import (
     OWN_TRAVEL,
     RATE,
     RATE_LIMIT,
-    READ,
-    READ_LAST,
     REWARD_ANGLE,
     ROW,
     SAMPLE,
     SAMPLE_ANGLE,
     SAMPLE_RATE,
+    SAMPLE_TOWER,
     SAMPLE_WIND,
     SINE,
     SINE_TURN,
@@ -61,248 +62,261 @@ from flapgym.plant.layout import (
     WIND,
 )
 
-PAIR = 2 * LANES
-COMMANDS, STOPS, COSINES, SINES, SQUARES, SUMS, VALUES = 12, 15, 18, 19, 20, 21, 24
-"""Rows of a block's work, behind the first twelve numbers of its records: for the flaps, then for the loads."""
-WORK = 32
-"""Rows of a block's work; behind them the wind's response."""
+COMMANDS, COSINES, SINES, SQUARES, STOPS, SUMS, VALUES, FIRSTS, JUMPS = 12, 15, 16, 17, 18, 21, 24, 30, 31
+"""Rows of a block's work, behind the first twelve numbers of its records: commands, azimuth at the start, sum of
+squared angles, stops met, sums of squared moments, loads, first sample with a jump, and the jumps at samples 1 to k."""
 
 
 @njit(**OPTIONS)
-def move_block(first, lanes, actions, state, inputs, work, rows, samples):  # type: ignore[no-untyped-def]
-    """`move` for up to LANES turbines side by side."""
-    widest_vectors()
-    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
-    dt, record = state[TIME_STEP], samples.size > 0
-    top_angle, top_rate, top_acceleration = state[ANGLE_LIMIT], state[RATE_LIMIT], state[ACCELERATION_LIMIT]
-    decay, gain = state[LAG_DECAY], state[LAG_GAIN]
-    cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
-    effect_1, effect_2, effect_3 = state[EFFECTIVENESS], state[EFFECTIVENESS + 1], state[EFFECTIVENESS + 2]
-    records = HEAD + ENTRY * int(state[OBSERVED]) + first * OWN
-    cosine, sine = work[COSINES * LANES : (COSINES + 1) * LANES], work[SINES * LANES : (SINES + 1) * LANES]
-    square = work[SQUARES * LANES : (SQUARES + 1) * LANES]
-    for lane in range(lanes):
-        own = state[records + lane * OWN : records + (lane + 1) * OWN]
-        azimuth = own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]
-        cosine[lane], sine[lane] = math.cos(azimuth), math.sin(azimuth)
-        square[lane] = 0.0
-        row = rows[(first + lane) * ROW : (first + lane + 1) * ROW]
-        row[COSINE], row[SINE] = cosine[lane], sine[lane]
-        for i in range(12):
-            work[i * LANES + lane] = own[i]
-        for b in range(3):
-            work[(STOPS + b) * LANES + lane] = 0.0
-        for b in range(blades):
-            command = min(max(float(actions[(first + lane) * blades + b]), -1.0), 1.0)
-            work[(COMMANDS + b) * LANES + lane] = command * top_acceleration
-    for j in range(k + 1):
-        if j:
-            for b in range(blades):
-                if state[STUCK + b] != 0.0:
-                    continue
-                own = work[b * LANES : (b + STOPS + 1) * LANES]
-                for t in range(lanes):
-                    angle, rate = own[t + OWN_ANGLE * LANES], own[t + OWN_RATE * LANES]
-                    command = own[t + COMMANDS * LANES]
-                    behind = own[t + OWN_LAGGED * LANES] - command
-                    wanted = rate + (command + behind * gain) * dt
-                    reached = min(max(wanted, -top_rate), top_rate)
-                    going = angle + 0.5 * dt * (rate + reached)
-                    moved = min(max(going, -top_angle), top_angle)
-                    stopped = 1.0 if (wanted != reached) | (going != moved) else 0.0
-                    lowest = 0.0 if going < -top_angle else -top_rate
-                    highest = 0.0 if going > top_angle else top_rate
-                    own[t + STOPS * LANES] = max(own[t + STOPS * LANES], stopped)
-                    own[t + OWN_LAGGED * LANES] = command + behind * decay
-                    own[t + OWN_TRAVEL * LANES] += abs(moved - angle)
-                    own[t + OWN_ANGLE * LANES] = moved
-                    own[t + OWN_RATE * LANES] = min(max(reached, lowest), highest)
-            for t in range(lanes):
-                turned = cosine[t] * cosine_turn - sine[t] * sine_turn
-                sine[t] = sine[t] * cosine_turn + cosine[t] * sine_turn
-                cosine[t] = turned
-            for b in range(3):
-                angle = work[(OWN_ANGLE + b) * LANES : (OWN_ANGLE + b + 1) * LANES]
-                for t in range(lanes):
-                    square[t] += angle[t] ** 2
-            if record:
-                for lane in range(lanes):
-                    sample = ((first + lane) * k + j - 1) * SAMPLE
-                    for b in range(3):
-                        samples[sample + SAMPLE_ANGLE + b] = work[(OWN_ANGLE + b) * LANES + lane]
-                        samples[sample + SAMPLE_RATE + b] = work[(OWN_RATE + b) * LANES + lane]
-        for kind in range(2):
-            motion = work[3 * kind * LANES : 3 * (kind + 1) * LANES]
-            u = inputs[(FLAP_INPUTS * j + 3 * kind) * LANES : (FLAP_INPUTS * j + 3 * kind + 3) * LANES]
-            if blades == 3:
-                for t in range(lanes):
-                    one, two, three = (
-                        effect_1 * motion[t],
-                        effect_2 * motion[t + LANES],
-                        effect_3 * motion[t + 2 * LANES],
-                    )
-                    along = one + C1 * (two + three)
-                    across = S1 * (three - two)
-                    u[t] = THIRD * (one + two + three)
-                    u[t + LANES] = 2.0 * THIRD * (cosine[t] * along + sine[t] * across)
-                    u[t + 2 * LANES] = 2.0 * THIRD * (sine[t] * along - cosine[t] * across)
-            else:
-                for t in range(lanes):
-                    u[t], u[t + LANES], u[t + 2 * LANES] = effect_1 * motion[t], 0.0, 0.0
-    for lane in range(lanes):
-        own = state[records + lane * OWN : records + (lane + 1) * OWN]
-        row = rows[(first + lane) * ROW : (first + lane + 1) * ROW]
-        for i in range(12):
-            own[i] = work[i * LANES + lane]
-        for b in range(3):
-            row[ANGLE + b], row[RATE + b] = own[OWN_ANGLE + b], own[OWN_RATE + b]
-            row[TRAVEL + b], row[STOPPED + b] = own[OWN_TRAVEL + b], work[(STOPS + b) * LANES + lane]
-        row[REWARD_ANGLE] = -state[WEIGHT_ANGLE] * square[lane] / (k * blades)
-
-
-@njit(**OPTIONS)
-def advance_block(lanes, k, every, count, constants, modes, inputs, outputs):  # type: ignore[no-untyped-def]
-    """The same for up to LANES turbines side by side, two modes at a time."""
-    widest_vectors()
-    outputs[: 8 * k * LANES] = 0.0
-    for pair in range(count // 2):
-        c = constants[(pair // (GROUP // 2)) * GROUP_SIZE + 2 * (pair % (GROUP // 2)) :]
-        l0, l1 = c[0], c[GROUP]
-        a0, a1, a2 = c[DRIVE * GROUP], c[(DRIVE + 1) * GROUP], c[(DRIVE + 2) * GROUP]
-        a3, a4, a5 = c[(DRIVE + 3) * GROUP], c[(DRIVE + 4) * GROUP], c[(DRIVE + 5) * GROUP]
-        b0, b1, b2 = c[(DRIVE + 6) * GROUP], c[(DRIVE + 7) * GROUP], c[(DRIVE + 8) * GROUP]
-        b3, b4, b5 = c[(DRIVE + 9) * GROUP], c[(DRIVE + 10) * GROUP], c[(DRIVE + 11) * GROUP]
-        r0, r1, r2 = c[READ * GROUP], c[(READ + 1) * GROUP], c[(READ + 2) * GROUP]
-        r3, r4, r5 = c[(READ + 3) * GROUP], c[(READ + 4) * GROUP], c[(READ + 5) * GROUP]
-        d = c[1:]
-        m0, m1 = d[0], d[GROUP]
-        e0, e1, e2 = d[DRIVE * GROUP], d[(DRIVE + 1) * GROUP], d[(DRIVE + 2) * GROUP]
-        e3, e4, e5 = d[(DRIVE + 3) * GROUP], d[(DRIVE + 4) * GROUP], d[(DRIVE + 5) * GROUP]
-        f0, f1, f2 = d[(DRIVE + 6) * GROUP], d[(DRIVE + 7) * GROUP], d[(DRIVE + 8) * GROUP]
-        f3, f4, f5 = d[(DRIVE + 9) * GROUP], d[(DRIVE + 10) * GROUP], d[(DRIVE + 11) * GROUP]
-        s0, s1, s2 = d[READ * GROUP], d[(READ + 1) * GROUP], d[(READ + 2) * GROUP]
-        s3, s4, s5 = d[(READ + 3) * GROUP], d[(READ + 4) * GROUP], d[(READ + 5) * GROUP]
-        z = modes[2 * pair * PAIR : 2 * (pair + 1) * PAIR]
-        for j in range(k):
-            u = inputs[j * FLAP_INPUTS * LANES : (j + 1) * FLAP_INPUTS * LANES]
-            y = outputs[8 * j * LANES : 8 * (j + 1) * LANES]
-            for t in range(lanes):
-                u0, u1, u2 = u[t], u[t + LANES], u[t + 2 * LANES]
-                u3, u4, u5 = u[t + 3 * LANES], u[t + 4 * LANES], u[t + 5 * LANES]
-                re, im, sr, si = z[t], z[t + LANES], z[t + 2 * LANES], z[t + 3 * LANES]
-                real = l0 * re - l1 * im + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3 + a4 * u4 + a5 * u5
-                imag = l1 * re + l0 * im + b0 * u0 + b1 * u1 + b2 * u2 + b3 * u3 + b4 * u4 + b5 * u5
-                next_real = m0 * sr - m1 * si + e0 * u0 + e1 * u1 + e2 * u2 + e3 * u3 + e4 * u4 + e5 * u5
-                next_imag = m1 * sr + m0 * si + f0 * u0 + f1 * u1 + f2 * u2 + f3 * u3 + f4 * u4 + f5 * u5
-                z[t], z[t + LANES], z[t + 2 * LANES], z[t + 3 * LANES] = real, imag, next_real, next_imag
-                y[t] += r0 * real + r1 * imag + s0 * next_real + s1 * next_imag
-                y[t + LANES] += r2 * real + r3 * imag + s2 * next_real + s3 * next_imag
-                y[t + 2 * LANES] += r4 * real + r5 * imag + s4 * next_real + s5 * next_imag
-            if every or j == k - 1:
-                for o in range(5):
-                    g0, g1 = c[(READ_LAST + 2 * o) * GROUP], c[(READ_LAST + 2 * o + 1) * GROUP]
-                    h0, h1 = d[(READ_LAST + 2 * o) * GROUP], d[(READ_LAST + 2 * o + 1) * GROUP]
-                    last = y[(3 + o) * LANES : (4 + o) * LANES]
-                    for t in range(lanes):
-                        last[t] += (
-                            g0 * z[t] + g1 * z[t + LANES] + h0 * z[t + 2 * LANES] + h1 * z[t + 3 * LANES]
-                        )
-
-
-@njit(**OPTIONS)
-def read_block(first, lanes, state, inputs, outputs, pool, work, observation, rows, samples):  # type: ignore[no-untyped-def]
-    """`read` for up to LANES turbines side by side, with tip deflection and tower always."""
-    widest_vectors()
-    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
-    every, record = state[EVERY] != 0.0, samples.size > 0
-    cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
-    intervals = int(state[INTERVALS])
-    records = HEAD + ENTRY * int(state[OBSERVED]) + first * OWN
-    width = 9 * k if every else 3 * k + 6
-    cosine, sine = work[COSINES * LANES : (COSINES + 1) * LANES], work[SINES * LANES : (SINES + 1) * LANES]
-    fore_aft = work[SQUARES * LANES : (SQUARES + 1) * LANES]
-    square = work[SUMS * LANES : (SUMS + 3) * LANES]
-    winds = work[WORK * LANES :]
+def begin_block(block, lanes, state, pool, outputs):  # type: ignore[no-untyped-def]
+    """Outputs under the wind alone."""
+    width, intervals = len(outputs) // LANES, int(state[INTERVALS])
+    records = HEAD + ENTRY * int(state[OBSERVED]) + block * LANES * OWN
     for lane in range(lanes):
         own = state[records + lane * OWN : records + (lane + 1) * OWN]
         interval = int(own[OWN_RESPONSE]) * intervals + min(int(own[OWN_ELAPSED]), intervals - 1)
         wind = pool[interval * width : (interval + 1) * width]
         level = own[OWN_LEVEL]
         for i in range(width):
-            winds[i * LANES + lane] = level * wind[i]
-        row = rows[(first + lane) * ROW : (first + lane + 1) * ROW]
-        cosine[lane], sine[lane], fore_aft[lane] = row[COSINE], row[SINE], 0.0
-        for b in range(3):
-            square[b * LANES + lane] = 0.0
+            outputs[i * LANES + lane] = level * wind[i]
+
+
+@njit(**OPTIONS)
+def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # type: ignore[no-untyped-def]
+    """`move` for a block of turbines: what the flaps do in every step; jumps of the angles stay in the work."""
+    widest_vectors()
+    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
+    dt, per_step, record = state[TIME_STEP], 1.0 / state[TIME_STEP], samples.size > 0
+    top_angle, top_rate, top_acceleration = state[ANGLE_LIMIT], state[RATE_LIMIT], state[ACCELERATION_LIMIT]
+    decay, gain = state[LAG_DECAY], state[LAG_GAIN]
+    cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
+    records = HEAD + ENTRY * int(state[OBSERVED]) + block * LANES * OWN
+    for lane in range(lanes):
+        own = state[records + lane * OWN : records + (lane + 1) * OWN]
+        azimuth = own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]
+        work[COSINES * LANES + lane], work[SINES * LANES + lane] = math.cos(azimuth), math.sin(azimuth)
+        for i in range(12):
+            work[i * LANES + lane] = own[i]
+        for b in range(BLADES):
+            command = 0.0
+            if b < blades and state[STUCK + b] == 0.0:
+                action = float(actions[(block * LANES + lane) * blades + b])
+                command = min(max(action, -1.0), 1.0) * top_acceleration
+            work[(COMMANDS + b) * LANES + lane] = command
+    square, firsts = (
+        work[SQUARES * LANES : (SQUARES + 1) * LANES],
+        work[FIRSTS * LANES : (FIRSTS + 1) * LANES],
+    )
+    turned = work[SUMS * LANES : (SUMS + 2) * LANES]
+    for t in range(LANES):
+        square[t], firsts[t] = 0.0, k + 1.0
+        turned[t], turned[t + LANES] = work[COSINES * LANES + t], work[SINES * LANES + t]
+    for i in range(BLADES * LANES):
+        work[STOPS * LANES + i] = 0.0
+    for kind in range(2):
+        motion = work[3 * kind * LANES : 3 * (kind + 1) * LANES]
+        _components_of_block(motion, turned, state, inputs[3 * kind * LANES : 3 * (kind + 1) * LANES])
+    gained = work[VALUES * LANES : (VALUES + BLADES) * LANES]
+    for i in range(BLADES * LANES):
+        gained[i] = 0.0
     for j in range(1, k + 1):
-        for t in range(lanes):
-            turned = cosine[t] * cosine_turn - sine[t] * sine_turn
-            sine[t] = sine[t] * cosine_turn + cosine[t] * sine_turn
-            cosine[t] = turned
-        last = every or j == k
-        u = inputs[j * FLAP_INPUTS * LANES : (j + 1) * FLAP_INPUTS * LANES]
-        for o in range(8 if last else 3):
-            # Moments, tips, tower; the rows of the wind's response follow the same order.
-            start = 3 * (j - 1) + o
-            if o >= 3:
-                start = (3 * k if o < 6 else 6 * k) + 3 * (j - 1) + o % 3 if every else 3 * k + o - 3
-            d = state[DIRECT + o * FLAP_INPUTS : DIRECT + (o + 1) * FLAP_INPUTS]
-            d0, d1, d2, d3, d4, d5 = d[0], d[1], d[2], d[3], d[4], d[5]
-            y = outputs[(8 * (j - 1) + o) * LANES : (8 * (j - 1) + o + 1) * LANES]
-            w = winds[start * LANES : (start + 1) * LANES]
-            value = work[(VALUES + o) * LANES : (VALUES + o + 1) * LANES]
-            for t in range(lanes):
-                value[t] = (
-                    y[t]
-                    + w[t]
-                    + d0 * u[t]
-                    + d1 * u[t + LANES]
-                    + d2 * u[t + 2 * LANES]
-                    + d3 * u[t + 3 * LANES]
-                    + d4 * u[t + 4 * LANES]
-                    + d5 * u[t + 5 * LANES]
-                )
-        if blades == 3:
-            for quantity in range(2 if last else 1):
-                value = work[(VALUES + 3 * quantity) * LANES : (VALUES + 3 * quantity + 3) * LANES]
-                for t in range(lanes):
-                    mean = value[t]
-                    along = value[t + LANES] * cosine[t] + value[t + 2 * LANES] * sine[t]
-                    across = value[t + 2 * LANES] * cosine[t] - value[t + LANES] * sine[t]
+        jumps = work[(JUMPS + BLADES * (j - 1)) * LANES : (JUMPS + BLADES * j) * LANES]
+        for b in range(blades):
+            if state[STUCK + b] != 0.0:
+                continue
+            own, jump = work[b * LANES : (b + VALUES + 1) * LANES], jumps[b * LANES : (b + 1) * LANES]
+            for t in range(LANES):
+                angle, rate = own[t + OWN_ANGLE * LANES], own[t + OWN_RATE * LANES]
+                command = own[t + COMMANDS * LANES]
+                behind = own[t + OWN_LAGGED * LANES] - command
+                wanted = rate + (command + behind * gain) * dt
+                reached = min(max(wanted, -top_rate), top_rate)
+                going = angle + 0.5 * dt * (rate + reached)
+                moved = min(max(going, -top_angle), top_angle)
+                stopped = 1.0 if (wanted != reached) | (going != moved) else 0.0
+                lowest = 0.0 if going < -top_angle else -top_rate
+                highest = 0.0 if going > top_angle else top_rate
+                after = min(max(reached, lowest), highest)
+                off = moved - (angle + 0.5 * dt * (rate + after))
+                jump[t] = off if going != moved else 0.0
+                own[t + VALUES * LANES] = (after - rate) * per_step
+                own[t + STOPS * LANES] = max(own[t + STOPS * LANES], stopped)
+                own[t + OWN_LAGGED * LANES] = command + behind * decay
+                own[t + OWN_TRAVEL * LANES] += abs(moved - angle)
+                own[t + OWN_ANGLE * LANES], own[t + OWN_RATE * LANES] = moved, after
+        for t in range(LANES):
+            cosine, sine = turned[t], turned[t + LANES]
+            turned[t] = cosine * cosine_turn - sine * sine_turn
+            turned[t + LANES] = sine * cosine_turn + cosine * sine_turn
+        place = FLAP_INPUTS + BLADES * (j - 1)
+        _components_of_block(gained, turned, state, inputs[place * LANES : (place + BLADES) * LANES])
+        motion = work[: (FIRSTS + 1) * LANES]
+        for t in range(LANES):
+            jumped = (jumps[t] != 0.0) | (jumps[t + LANES] != 0.0) | (jumps[t + 2 * LANES] != 0.0)
+            motion[t + FIRSTS * LANES] = min(motion[t + FIRSTS * LANES], float(j) if jumped else k + 1.0)
+            one, two, three = motion[t], motion[t + LANES], motion[t + 2 * LANES]
+            motion[t + SQUARES * LANES] += one * one + two * two + three * three
+        if record:
+            for lane in range(lanes):
+                sample = ((block * LANES + lane) * k + j - 1) * SAMPLE
+                for b in range(BLADES):
+                    samples[sample + SAMPLE_ANGLE + b] = work[(OWN_ANGLE + b) * LANES + lane]
+                    samples[sample + SAMPLE_RATE + b] = work[(OWN_RATE + b) * LANES + lane]
+    for lane in range(lanes):
+        own = state[records + lane * OWN : records + (lane + 1) * OWN]
+        row = rows[(block * LANES + lane) * ROW : (block * LANES + lane + 1) * ROW]
+        for i in range(12):
+            own[i] = work[i * LANES + lane]
+        for b in range(BLADES):
+            row[ANGLE + b], row[RATE + b] = own[OWN_ANGLE + b], own[OWN_RATE + b]
+            row[TRAVEL + b], row[STOPPED + b] = own[OWN_TRAVEL + b], work[(STOPS + b) * LANES + lane]
+        row[REWARD_ANGLE] = -state[WEIGHT_ANGLE] * square[lane] / (k * blades)
+
+
+@njit(**OPTIONS)
+def _components_of_block(values, azimuths, state, inputs):  # type: ignore[no-untyped-def]
+    """`components` for a block of turbines."""
+    widest_vectors()
+    effect_1, effect_2, effect_3 = state[EFFECTIVENESS], state[EFFECTIVENESS + 1], state[EFFECTIVENESS + 2]
+    if state[BLADE_COUNT] != BLADES:
+        for t in range(LANES):
+            inputs[t], inputs[t + LANES], inputs[t + 2 * LANES] = effect_1 * values[t], 0.0, 0.0
+        return
+    for t in range(LANES):
+        cosine, sine = azimuths[t], azimuths[t + LANES]
+        one = effect_1 * values[t]
+        two, three = effect_2 * values[t + LANES], effect_3 * values[t + 2 * LANES]
+        along, across = one + C1 * (two + three), S1 * (three - two)
+        inputs[t] = THIRD * (one + two + three)
+        inputs[t + LANES] = 2.0 * THIRD * (cosine * along + sine * across)
+        inputs[t + 2 * LANES] = 2.0 * THIRD * (sine * along - cosine * across)
+
+
+@njit(**OPTIONS)
+def add_jumps(lane, first, state, width, feed, jumping, work, room, modes, outputs):  # type: ignore[no-untyped-def]
+    """Add what jumps of one turbine's angles do to its outputs of the same interval and to its modes at the end."""
+    k, size = int(state[STEPS]), len(modes) // LANES
+    cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
+    cosine, sine = work[COSINES * LANES + lane], work[SINES * LANES + lane]
+    for j in range(1, k + 1):
+        cosine, sine = cosine * cosine_turn - sine * sine_turn, sine * cosine_turn + cosine * sine_turn
+        jump = work[(JUMPS + BLADES * (j - 1)) * LANES + lane :]
+        if j < first or (jump[0] == 0.0 and jump[LANES] == 0.0 and jump[2 * LANES] == 0.0):
+            continue
+        # By way of the room, for numbers of the modes' precision.
+        room[0], room[1], room[2] = components(jump[0], jump[LANES], jump[2 * LANES], cosine, sine, state)
+        one, two, three = room[0], room[1], room[2]
+        column = width - BLADES * (k - j + 1)
+        for row in range(3 * (j - 1), len(outputs) // LANES):
+            of_row = feed[row * width + column : row * width + column + BLADES]
+            outputs[row * LANES + lane] += of_row[0] * one + of_row[1] * two + of_row[2] * three
+        of_step = jumping[BLADES * (j - 1) * size : BLADES * j * size]
+        for i in range(size):
+            room[i] = of_step[i] * one + of_step[i + size] * two + of_step[i + 2 * size] * three
+        for i in range(size):
+            modes[i * LANES + lane] += room[i]
+
+
+@njit(**OPTIONS)
+def read_block(block, lanes, state, outputs, work, observation, rows, samples):  # type: ignore[no-untyped-def]
+    """`read` for a block of turbines, with tip deflection and tower always."""
+    widest_vectors()
+    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
+    every, record = state[EVERY] != 0.0, samples.size > 0
+    records = HEAD + ENTRY * int(state[OBSERVED]) + block * LANES * OWN
+    kept = k if every else 1
+    tips, flat, width = 3 * k, 3 * (k + kept), 3 * (k + 2 * kept)
+    turn_cosine, turn_sine = math.cos(k * state[TURN]), math.sin(k * state[TURN])
+    azimuths = work[COSINES * LANES : (SINES + 1) * LANES]
+    fore_aft, square = work[SQUARES * LANES : (SQUARES + 1) * LANES], work[SUMS * LANES : (SUMS + 3) * LANES]
+    for t in range(LANES):
+        fore_aft[t], square[t], square[t + LANES], square[t + 2 * LANES] = 0.0, 0.0, 0.0, 0.0
+    for j in range(k):
+        last = every or j == k - 1
+        for quantity in range(2 if last else 1):
+            value = work[(VALUES + 3 * quantity) * LANES : (VALUES + 3 * quantity + 3) * LANES]
+            place = 3 * j if quantity == 0 else tips + (3 * j if every else 0)
+            y = outputs[place * LANES : (place + 3) * LANES]
+            if blades == BLADES:
+                for t in range(LANES):
+                    cosine, sine, mean = azimuths[t], azimuths[t + LANES], y[t]
+                    along = y[t + LANES] * cosine + y[t + 2 * LANES] * sine
+                    across = y[t + 2 * LANES] * cosine - y[t + LANES] * sine
                     value[t] = mean + along
                     value[t + LANES] = mean + C1 * along + S1 * across
                     value[t + 2 * LANES] = mean + C1 * along - S1 * across
-        else:
-            work[(VALUES + 1) * LANES : (VALUES + 3) * LANES] = 0.0
-            work[(VALUES + 4) * LANES : (VALUES + 6) * LANES] = 0.0
+            else:
+                for t in range(LANES):
+                    value[t], value[t + LANES], value[t + 2 * LANES] = y[t], 0.0, 0.0
         moment = work[VALUES * LANES : (VALUES + 3) * LANES]
-        for b in range(3):
-            for t in range(b * LANES, b * LANES + lanes):
-                square[t] += moment[t] ** 2
+        for t in range(BLADES * LANES):
+            square[t] += moment[t] ** 2
+        place = flat + (3 * j if every else 0)
         if last:
-            tower = work[(VALUES + 6) * LANES : (VALUES + 7) * LANES]
-            for t in range(lanes):
-                fore_aft[t] += tower[t] ** 2
+            y = outputs[place * LANES : (place + 1) * LANES]
+            for t in range(LANES):
+                fore_aft[t] += y[t] ** 2
         if record:
-            place = (6 * k + 3 * (j - 1) + 2) * LANES
             for lane in range(lanes):
-                sample = samples[((first + lane) * k + j - 1) * SAMPLE : ((first + lane) * k + j) * SAMPLE]
-                for o in range(8):
+                sample = samples[((block * LANES + lane) * k + j) * SAMPLE :]
+                for o in range(6):
                     sample[o] = work[(VALUES + o) * LANES + lane]
-                sample[SAMPLE_WIND] = winds[place + lane]
-    place = (9 * k - 1 if every else 3 * k + 5) * LANES
+                sample[SAMPLE_TOWER] = outputs[place * LANES + lane]
+                sample[SAMPLE_TOWER + 1] = outputs[(place + 1) * LANES + lane]
+                sample[SAMPLE_WIND] = outputs[(place + 2) * LANES + lane]
     status = 0
     for lane in range(lanes):
-        t = first + lane
+        t = block * LANES + lane
         own = state[records + lane * OWN : records + (lane + 1) * OWN]
         row = rows[t * ROW : (t + 1) * ROW]
         for b in range(6):
             row[b] = work[(VALUES + b) * LANES + lane]
         for c in range(2):
-            row[TOWER + c] = work[(VALUES + 6 + c) * LANES + lane]
-        for b in range(3):
+            row[TOWER + c] = outputs[(width - 3 + c) * LANES + lane]
+        for b in range(BLADES):
             row[MEAN_SQUARE + b] = square[b * LANES + lane]
-        row[WIND] = winds[place + lane]
-        row[COSINE], row[SINE] = cosine[lane], sine[lane]
+        row[WIND] = outputs[(width - 1) * LANES + lane]
+        cosine, sine = azimuths[lane], azimuths[LANES + lane]
+        row[COSINE] = cosine * turn_cosine - sine * turn_sine
+        row[SINE] = sine * turn_cosine + cosine * turn_sine
         status |= close(t, fore_aft[lane], state, own, observation, row)
+    return status
+
+
+@njit(**OPTIONS)
+def step_together(actions, real, state, pool, samples, observation, rows):  # type: ignore[no-untyped-def]
+    """Hold actions for an interval, LANES turbines at a time; their status (flapgym.plant.interface.Plant.step)."""
+    n, k, count = int(state[COUNT]), int(state[STEPS]), int(state[MODES])
+    groups = (count + LANES - 1) // LANES
+    size, room = 2 * groups * LANES, groups * LANES
+    rows_wanted = 9 * k if state[EVERY] != 0.0 else 3 * k + 6
+    blocks = (n + LANES - 1) // LANES
+    # Angle and rate at the start, the accelerations of all steps, and the jumps behind them.
+    given = (FLAP_INPUTS + BLADES * k + 1) // 2 * 2
+    width = given + BLADES * k
+    decay, rest = real[:size], real[size:]
+    push, rest = rest[: size * BLADES * k], rest[size * BLADES * k :]
+    jumping, rest = rest[: size * BLADES * k], rest[size * BLADES * k :]
+    reading, rest = rest[: rows_wanted * size], rest[rows_wanted * size :]
+    modes, rest = rest[: blocks * size * LANES], rest[blocks * size * LANES :]
+    inputs, rest = rest[: given * LANES], rest[given * LANES :]
+    outputs, rest = rest[: rows_wanted * LANES], rest[rows_wanted * LANES :]
+    jumped, feed = rest[:size], rest[size:]
+    work = np.empty((JUMPS + BLADES * k) * LANES)
+    # What no flap ever fills, lanes beyond the last turbine and flaps that are stuck, does not move.
+    work[:] = 0.0
+    status = 0
+    for block in range(blocks):
+        lanes = min(LANES, n - block * LANES)
+        own_modes = modes[block * size * LANES : (block + 1) * size * LANES]
+        begin_block(block, lanes, state, pool, outputs)
+        move_block(block, lanes, actions, state, inputs, work, rows, samples)
+        add_products_of_block(feed, width, rows_wanted, inputs, given // 2, outputs)
+        add_products_of_block(reading, size, rows_wanted, own_modes, count, outputs)
+        push_block(decay, push, own_modes, room // 2, inputs[FLAP_INPUTS * LANES :], BLADES * k)
+        for lane in range(lanes):
+            first = int(work[FIRSTS * LANES + lane])
+            if first <= k:
+                add_jumps(lane, first, state, width, feed, jumping, work, jumped, own_modes, outputs)
+        status |= read_block(block, lanes, state, outputs, work, observation, rows, samples)
     return status

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,9 @@ from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant import compiled, layout
 from flapgym.plant.actuator import Actuator
 from flapgym.plant.interface import FloatArray, Quick, Setup, Start, Task
-from flapgym.plant.kernel import Kernel, prepare
-from flapgym.plant.lifted_plant import first_feedthrough, first_interval
+from flapgym.plant.kernel import prepare
+from flapgym.plant.lifted_plant import first_interval, first_motion
+from flapgym.plant.modal import ComplexArray
 from flapgym.plant.responses import Responses
 from flapgym.plant.sampled import fill_instant, plant_fingerprint
 from flapgym.plant.stuck import first_modes
@@ -105,13 +105,15 @@ class CompiledPlant:
         )
         self._responses = Responses(self._kernel, count, setup, model.turbulence_intensity)
         self._batch = count >= layout.FEWEST_IN_BATCH
-        self._groups = -(-self._kernel.flap.order // layout.GROUP)
+        self._groups = -(-self._kernel.flap.order // layout.LANES)
+        self._size = 2 * self._groups * layout.LANES
+        """Numbers of a turbine's modes, filled up."""
         self._real = self._modes_and_scratch()
         self._state = np.concatenate([self._head(), self._table(), np.zeros(count * layout.OWN)])
         self._handle = np.zeros(8, dtype=np.int64)
         self._locate()
         nothing = np.empty(0, np.float32), np.empty(0, np.float32), np.empty(0)
-        if self.quick(*nothing)[0] == compiled.OUTDATED:
+        if self._take_single(self._address, *nothing)[0] == compiled.OUTDATED:
             self._take_single, self._take_double = load_kernel(setup.precision, afresh=True)
 
     def _locate(self) -> None:
@@ -147,7 +149,7 @@ class CompiledPlant:
             layout.COUNT: self.count,
             layout.STEPS: setup.steps_per_action,
             layout.INTERVALS: setup.intervals,
-            layout.MODES: 2 * -(-self._kernel.flap.order // 2),
+            layout.MODES: kernel.flap.order,
             layout.BLADE_COUNT: setup.blades,
             layout.EVERY: setup.every_sample,
             layout.DISPLACED: setup.displacements or setup.every_sample,
@@ -169,7 +171,6 @@ class CompiledPlant:
             head[place] = value
         head[layout.EFFECTIVENESS : layout.EFFECTIVENESS + 3] = setup.faults.effectiveness
         head[layout.STUCK : layout.STUCK + 3] = setup.faults.held
-        head[layout.DIRECT :] = kernel.flap.D.ravel()
         return head
 
     def _table(self) -> Array:
@@ -177,14 +178,80 @@ class CompiledPlant:
         return np.stack([task.columns, task.factors, task.bounds, task.noisy], axis=1).astype(float).ravel()
 
     def _modes_and_scratch(self) -> FloatArray:
-        """Constants of the modes in groups, the modes at rest, and room to work in."""
+        """Constants of the modes, the modes at rest, and room to work in."""
         lanes = layout.LANES if self._batch else 1
-        k, places = self.setup.steps_per_action, -(-self.count // lanes) * lanes
-        room = 2 * self._groups * layout.GROUP * places
-        inputs = (k + 1) * layout.FLAP_INPUTS + 8 * k
-        scratch = inputs * lanes + 8 * k * layout.GROUP
-        constants = mode_constants(self._kernel, self._groups)
-        return aligned(np.concatenate([constants.ravel(), np.zeros(room + scratch)]), self.setup.precision)
+        rows, places = self._kernel.rows.count, -(-self.count // lanes) * lanes
+        if self._batch:
+            constants, feed = self._constants_of_batch()
+            given = feed.size // rows - layout.BLADES * self.setup.steps_per_action
+            behind = [np.zeros((given + rows) * lanes + self._size), feed]
+        else:
+            constants, feed = self._constants_of_one()
+            constants, behind = [*constants, feed], [np.zeros(feed.size // rows + rows)]
+        self._first_mode = sum(part.size for part in constants)
+        modes = np.zeros(self._size * places)
+        return aligned(np.concatenate([*constants, modes, *behind]), self.setup.precision)
+
+    def _constants_of_one(self) -> tuple[list[Array], Array]:
+        """What the step of one turbine reads of the modes, and what it reads of the flaps."""
+        held, flap, steps = (
+            self._kernel.held,
+            self._kernel.flap,
+            layout.STEP_INPUTS * self.setup.steps_per_action,
+        )
+        width = layout.FREE_ROOM + -(-steps // layout.LANES) * layout.LANES
+        feed = np.zeros((self._kernel.rows.count, width))
+        feed[:, : layout.FLAP_INPUTS] = held.feed[: layout.FLAP_INPUTS].T
+        # The outputs at the last sample are read behind the push.
+        feed[:, layout.FLAP_INPUTS : layout.FREE] = (held.held_feed - held.pushed).T
+        feed[:, layout.FREE_ROOM : layout.FREE_ROOM + steps] = held.feed[layout.FLAP_INPUTS :].T
+        reads = np.stack([flap.read.real, -flap.read.imag], axis=1)
+        moments = np.vstack([flap.values.real, flap.values.imag, *reads[: layout.BLADES]])
+        others = np.zeros((layout.LAST, self._size))
+        others[: len(reads) - layout.BLADES, self._places] = (
+            reads[layout.BLADES :].transpose(0, 2, 1).reshape(-1, 2 * flap.order)
+        )
+        modes = [_with_drive(flap.values, held.step), _with_drive(held.decay, held.push), moments]
+        return [*(self._grouped(rows) for rows in modes), others.ravel()], feed.ravel()
+
+    def _constants_of_batch(self) -> tuple[list[Array], Array]:
+        """The same for turbines side by side."""
+        held, flap, k = self._kernel.held, self._kernel.flap, self.setup.steps_per_action
+        order, rows, size = flap.order, self._kernel.rows.count, self._size
+        decay, push = np.zeros((size // 2, 2)), np.zeros((size // 2, 2, k, layout.BLADES))
+        jumping = np.zeros((k, layout.BLADES, size))
+        powers = flap.values[:, None] ** np.arange(k - 1, -1, -1)
+        by_step = _parts(powers[:, :, None] * held.step[:, None])
+        decay[:order] = _parts(held.decay)
+        push[:order] = np.moveaxis(by_step[:, :, : layout.BLADES], -1, 1)
+        jumping[:, :, : 2 * order] = (
+            by_step[:, :, layout.BLADES :].transpose(1, 2, 0, 3).reshape(k, layout.BLADES, -1)
+        )
+        reading = np.zeros((rows, size))
+        reading[:, : 2 * order] = held.read.T
+        fed = held.feed[layout.FLAP_INPUTS :].reshape(k, 2, layout.BLADES, rows)
+        given = -(-(layout.FLAP_INPUTS + layout.BLADES * k) // 2) * 2
+        feed = np.zeros((rows, given + layout.BLADES * k))
+        feed[:, : layout.FLAP_INPUTS] = held.feed[: layout.FLAP_INPUTS].T
+        for kind, first in enumerate((layout.FLAP_INPUTS, given)):
+            feed[:, first : first + layout.BLADES * k] = fed[:, kind].reshape(-1, rows).T
+        return [part.ravel() for part in (decay, push, jumping, reading)], feed.ravel()
+
+    def _grouped(self, rows: Array) -> Array:
+        """Numbers of the modes, (rows, modes), group by group, filled up with zeros."""
+        room = np.zeros((rows.shape[0], self._groups * layout.LANES))
+        room[:, : rows.shape[1]] = rows
+        return room.reshape(-1, self._groups, layout.LANES).transpose(1, 0, 2).ravel()
+
+    @property
+    def _places(self) -> NDArray[np.int64]:
+        """(2 modes,) where real and imaginary part of each mode, in turn, stand among a turbine's numbers."""
+        modes = np.arange(self._kernel.flap.order)
+        if self._batch:
+            return np.arange(2 * modes.size)
+        group, lane = np.divmod(modes, layout.LANES)
+        first = 2 * group * layout.LANES + lane
+        return np.stack([first, first + layout.LANES], axis=1).ravel()
 
     @property
     def noise_count(self) -> int:
@@ -203,46 +270,37 @@ class CompiledPlant:
         return self._state[start : start + self.count * layout.OWN].reshape(self.count, layout.OWN)
 
     def _modes(self, turbine: int) -> FloatArray:
-        """Modes (groups, 2, GROUP) of a turbine, a view: real parts of a group, then imaginary ones."""
-        start = layout.CONSTANTS * layout.GROUP * self._groups
-        size = 2 * self._groups * layout.GROUP
-        if not self._batch:
-            own = self._real[start + turbine * size : start + (turbine + 1) * size]
-            return own.reshape(self._groups, 2, layout.GROUP)
-        block, lane = divmod(turbine, layout.LANES)
-        rows = self._real[start + block * size * layout.LANES : start + (block + 1) * size * layout.LANES]
-        split = rows.reshape(self._groups, layout.GROUP, 2, layout.LANES)[:, :, :, lane]
-        return split.transpose(0, 2, 1)
+        """Modes of a turbine, (size,), a view; they are shifted, as flapgym.plant.held has them."""
+        lanes, size = layout.LANES if self._batch else 1, self._size
+        block, lane = divmod(turbine, lanes)
+        start = self._first_mode + block * size * lanes
+        return self._real[start : start + size * lanes].reshape(size, lanes)[:, lane]
 
     def reset(self, turbines: NDArray[np.int64], start: Start) -> tuple[NDArray[np.float32], Array]:
         """Begin an episode of m turbines; observations (m, observed) and rows (m, ROW) of sample 0."""
         setup, start = self.setup, start.under(self.setup.faults)
         first = self._responses.draw(turbines, start)
-        for turbine in turbines:
+        still = not (start.flap_angle.any() or start.flap_rate.any())
+        for turbine in turbines if still else ():
             self._modes(int(turbine))[...] = 0.0
-        if setup.faults.held_angle.any():
+        if not still:
+            effectiveness = np.array(setup.faults.effectiveness)[: setup.blades]
+            motion = first_motion(start, effectiveness)
             modes = first_modes(self._kernel.flap, setup, start.azimuth, self._kernel.turn)
-            first[:, :8] += (modes @ self._kernel.flap.read.T).real
-            grouped = np.zeros((len(turbines), self._groups * layout.GROUP), dtype=complex)
-            grouped[:, : modes.shape[1]] = modes
-            for turbine, own_modes in zip(turbines, grouped, strict=True):
-                split = own_modes.reshape(self._groups, layout.GROUP)
-                self._modes(int(turbine))[...] = np.stack([split.real, split.imag], axis=1)
-        own = self._own
-        own[turbines] = 0.0
-        own[turbines, layout.OWN_ANGLE : layout.OWN_ANGLE + setup.blades] = start.flap_angle[
-            :, : setup.blades
-        ]
-        own[turbines, layout.OWN_RATE : layout.OWN_RATE + setup.blades] = start.flap_rate[:, : setup.blades]
-        own[turbines, layout.OWN_AZIMUTH] = start.azimuth
-        own[turbines, layout.OWN_LEVEL] = self._responses.level[turbines]
-        own[turbines, layout.OWN_RESPONSE] = self._responses.place[turbines]
+            first[:, :8] += (modes @ self._kernel.flap.read.T).real + motion @ self._kernel.direct
+            modes = modes + motion @ self._kernel.held.shift.T
+            for turbine, own_modes in zip(turbines, modes, strict=True):
+                self._modes(int(turbine))[self._places] = own_modes.view(float)
+        own = np.zeros((len(turbines), layout.OWN))
+        own[:, layout.OWN_ANGLE : layout.OWN_ANGLE + setup.blades] = start.flap_angle[:, : setup.blades]
+        own[:, layout.OWN_RATE : layout.OWN_RATE + setup.blades] = start.flap_rate[:, : setup.blades]
+        own[:, layout.OWN_AZIMUTH] = start.azimuth
+        own[:, layout.OWN_LEVEL] = self._responses.level[turbines]
+        own[:, layout.OWN_RESPONSE] = self._responses.place[turbines]
+        self._own[turbines] = own
         noise = start.measurement_noise
         if noise is not None:
             self._keep_noise(turbines, noise)
-        if start.flap_angle.any() or start.flap_rate.any():
-            effectiveness = np.array(setup.faults.effectiveness)[: setup.blades]
-            first[:, :8] += first_feedthrough(self._kernel.direct, start, effectiveness)
         rows = np.zeros((len(turbines), layout.ROW))
         fill_instant(rows, first_interval(first, start, setup.blades), start.azimuth)
         return self.task.observe(rows, None if noise is None else noise[:, 0]), rows
@@ -285,7 +343,7 @@ class CompiledPlant:
     @property
     def quick(self) -> Quick:
         """`step` for flat float32 arrays and without samples, at the least cost of a call."""
-        return partial(self._take_single, self._address)
+        return self._take_single, self._address
 
     def get_state(self, turbine: int) -> dict[str, Any]:
         """What changes of a turbine, but for its realisation, as plain values for JSON."""
@@ -294,7 +352,7 @@ class CompiledPlant:
             "elapsed": int(own[layout.OWN_ELAPSED]),
             "flaps": own[: layout.OWN_TRAVEL].reshape(3, 3)[:, : self.setup.blades].tolist(),
             "travel": own[layout.OWN_TRAVEL : layout.OWN_TRAVEL + 3].tolist(),
-            "modes": self._modes(turbine).astype(float).ravel().tolist(),
+            "modes": self._modes(turbine)[self._places].astype(float).tolist(),
         }
 
     def set_state(self, turbine: int, state: dict[str, Any]) -> None:
@@ -303,8 +361,7 @@ class CompiledPlant:
         own[layout.OWN_ELAPSED] = state["elapsed"]
         own[: layout.OWN_TRAVEL].reshape(3, 3)[:, :blades] = state["flaps"]
         own[layout.OWN_TRAVEL : layout.OWN_TRAVEL + 3] = state["travel"]
-        modes = self._modes(turbine)
-        modes[...] = np.reshape(state["modes"], modes.shape)
+        self._modes(turbine)[self._places] = state["modes"]
 
 
 def aligned(numbers: FloatArray, precision: str) -> FloatArray:
@@ -316,13 +373,11 @@ def aligned(numbers: FloatArray, precision: str) -> FloatArray:
     return room[skipped : skipped + numbers.size]
 
 
-def mode_constants(kernel: Kernel, groups: int) -> Array:
-    """(groups, CONSTANTS, GROUP) in the order the compiled step reads them; the last group is filled up with zeros."""
-    flap = kernel.flap
-    reads = np.stack([flap.read.real, -flap.read.imag], axis=1).reshape(16, flap.order)
-    rows = np.vstack(
-        [flap.values.real, flap.values.imag, flap.drive.real.T, flap.drive.imag.T, reads],
-    )
-    constants = np.zeros((layout.CONSTANTS, groups * layout.GROUP))
-    constants[:, : flap.order] = rows
-    return constants.reshape(layout.CONSTANTS, groups, layout.GROUP).transpose(1, 0, 2)
+def _with_drive(values: ComplexArray, drive: ComplexArray) -> Array:
+    """Rows of a group's constants: eigenvalue, inputs to the real part, inputs to the imaginary part."""
+    return np.vstack([values.real, values.imag, drive.real.T, drive.imag.T])
+
+
+def _parts(numbers: ComplexArray) -> Array:
+    """Real and imaginary part, along a last axis of two."""
+    return np.stack([numbers.real, numbers.imag], axis=-1)

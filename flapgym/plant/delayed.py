@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.plant.interface import FloatArray, Plant, Quick, Start, Task, quickly
+from flapgym.plant.interface import FloatArray, Plant, Quick, Start, Task, told
 from flapgym.plant.layout import RBM, ROW, SAMPLE, SAMPLE_RBM
 from flapgym.state_space import Array
 
@@ -84,7 +84,7 @@ class DelayedPlant:
     @property
     def quick(self) -> Quick:
         """`step` for flat float32 arrays and without samples."""
-        return quickly(self.step)
+        return told, self.step
 
     def get_state(self, turbine: int) -> dict[str, Any]:
         """What changes of a turbine, but for its realisation, as plain values for JSON."""

@@ -13,11 +13,11 @@ from flapgym.plant.actuator import Faults
 from flapgym.plant.layout import AZIMUTH, REWARD, WIND
 from flapgym.state_space import Array
 
-Quick = Callable[
-    [NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]], tuple[int, float, float, float]
-]
-"""From flat actions, with observation and rows to fill: what `Plant.step` returns, and of the first turbine the reward,
-the wind perturbation [m/s] and the azimuth [rad], which mean nothing if it is negative."""
+Told = tuple[int, float, float, float]
+"""What `Plant.step` returns, and of the first turbine the reward, the wind perturbation [m/s] and the azimuth [rad],
+which mean nothing if it is negative."""
+Quick = tuple[Callable[[Any, NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]], Told], Any]
+"""A function of this very thing, flat actions, and observation and rows to fill."""
 FloatArray = NDArray[np.float64] | NDArray[np.float32]
 
 
@@ -191,16 +191,12 @@ class Interval(NamedTuple):
     stopped: NDArray[np.bool_]
 
 
-def quickly(step: Callable[..., int]) -> Quick:
+def told(
+    step: Callable[..., int], actions: NDArray[np.float32], observation: NDArray[np.float32], rows: Array
+) -> Told:
     """A plant's `step` in the form of `Quick`."""
-
-    def told(
-        actions: NDArray[np.float32], observation: NDArray[np.float32], rows: Array
-    ) -> tuple[int, float, float, float]:
-        status = step(actions, observation, rows)
-        return status, rows.item(REWARD), rows.item(WIND), rows.item(AZIMUTH)
-
-    return told
+    status = step(actions, observation, rows)
+    return status, rows.item(REWARD), rows.item(WIND), rows.item(AZIMUTH)
 
 
 class Plant(Protocol):

@@ -13,6 +13,7 @@ import numpy as np
 from flapgym.aeroelastic.model import BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
 from flapgym.plant.frame import OutputRows, input_frame
+from flapgym.plant.held import Held, held
 from flapgym.plant.layout import FLAP_INPUTS
 from flapgym.plant.lifted import Lifted, lift
 from flapgym.plant.modal import Modal, modal_form
@@ -30,7 +31,7 @@ class Kernel:
     wind : Modal
         Wind to the eight outputs and the wind, for a wind known in advance.
     disturbance : Disturbance
-        White noise to rows in the frame of each sample.
+        White noise to rows in the frame of the interval's start.
     rows : OutputRows
     turn : float
         Azimuth of one step [rad].
@@ -50,23 +51,22 @@ class Kernel:
     @cached_property
     def lifted(self) -> Lifted:
         """Flap motion components over an interval to its rows, both in the frame of the interval's start."""
-        steps = self.rows.steps
         return lift(
             _with_wind_row(self.flap),
-            steps,
+            self.rows.steps,
             self.rows.matrix(self.turn),
-            input_frame(steps, self.turn),
+            input_frame(self.rows.steps, self.turn),
         )
 
     @cached_property
-    def back(self) -> Array:
-        """(count, count) rows in the frame of each sample to rows in the frame of the start, acting from the right."""
-        return np.asarray(self.rows.matrix(0.0) @ self.rows.matrix(self.turn).T)
+    def held(self) -> Held:
+        """Flaps under held accelerations, as the compiled step takes them."""
+        return held(_with_wind_row(self.flap), self.rows.steps, self.rows.matrix(self.turn), self.turn)
 
     def packed(self, outputs: Array) -> Array:
-        """Rows (intervals, count) in the frame of each sample from outputs (intervals k, 9)."""
+        """Rows (intervals, count) from outputs (intervals k, 9)."""
         flat = outputs.reshape(-1, self.rows.steps * outputs.shape[1])
-        return np.asarray(flat @ self.rows.matrix(0.0).T)
+        return np.asarray(flat @ self.rows.matrix(self.turn).T)
 
 
 def prepare(
@@ -149,12 +149,13 @@ def _disturbance_modes(content: _ByContent, length_scale: float) -> tuple[Modal,
 @lru_cache(maxsize=16)
 def _kernel(content: _ByContent, rows: OutputRows, length_scale: float) -> Kernel:
     noise_modes, root = _disturbance_modes(content, length_scale)
+    turn = content.model.rotor_speed * content.model.time_step
     return Kernel(
         flap=_flap_modes(content),
         wind=_wind_modes(content),
-        disturbance=Disturbance.of(noise_modes, root, rows, turn=0.0),
+        disturbance=Disturbance.of(noise_modes, root, rows, turn),
         rows=rows,
-        turn=content.model.rotor_speed * content.model.time_step,
+        turn=turn,
     )
 
 

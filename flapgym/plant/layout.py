@@ -28,8 +28,9 @@ SAMPLE = 15
 
 OUTPUTS = 9
 """Of turbine and wind: moments and tip deflections in components, tower, wind."""
+BLADES = 3
 FLAP_INPUTS = 6
-"""Flap angle and rate in components."""
+"""Of the rotor; flap angle and rate in components."""
 
 # ------------------------------------------------------------------- the doubles
 # Head: sizes and switches, then physics.
@@ -37,9 +38,9 @@ COUNT, STEPS, INTERVALS, MODES, BLADE_COUNT, EVERY, OBSERVED, NOISY = range(8)
 TIME_STEP, TURN, COSINE_TURN, SINE_TURN = range(8, 12)
 ANGLE_LIMIT, RATE_LIMIT, ACCELERATION_LIMIT, LAG_DECAY, LAG_GAIN = range(12, 17)
 WEIGHT_RBM, WEIGHT_ANGLE, WEIGHT_TOWER, LAYOUT = range(17, 21)
-DISPLACED, EFFECTIVENESS, STUCK, DIRECT = 21, 22, 25, 28
-"""Whether displacements are wanted; three a blade, three a blade, the feedthrough (8, 6) by rows."""
-HEAD = DIRECT + 8 * FLAP_INPUTS
+DISPLACED, EFFECTIVENESS, STUCK, WORK = 21, 22, 25, 28
+"""Whether displacements are wanted; three a blade, three a blade; room for commands and for an interval's azimuth."""
+HEAD = WORK + 5
 """Length of the head; behind it the table of the observation, a record a turbine, and noise."""
 ENTRY = 4
 """Numbers an observed entry has in its table: column of the row, factor, bound, column of the noise or -1."""
@@ -53,18 +54,21 @@ OWN = 16
 """Length of a record."""
 
 # ------------------------------------------------------------------- the numbers of the modes
-LANES = 128
-"""Turbines of a block in a batch: its modes stay in the second-level cache, a pair of them in the first."""
-FEWEST_IN_BATCH = 16
+LANES = 16
+"""Numbers that a vector of the compiled code has: modes of a group for one turbine, turbines of a block in a batch."""
+FEWEST_IN_BATCH = 8
 """Turbines from which they are stepped side by side; fewer are stepped one by one, modes side by side."""
-GROUP = 16
-"""Modes of a group: their constants lie row by row, so that a vector unit takes them together."""
 ALIGNMENT = 64
 """Bytes at whose multiples the numbers of the modes begin: vectors across two cache lines cost double."""
-DECAY, DRIVE, READ, READ_LAST = 0, 2, 14, 20
-"""Rows of a group: eigenvalue; six inputs to the real, then to the imaginary part; real and imaginary part in turn to
-each moment, then to the other five outputs."""
-CONSTANTS = 30
-"""Rows of a group."""
-GROUP_SIZE = CONSTANTS * GROUP
-"""Numbers of a group's constants."""
+FREE, FREE_ROOM = 9, 16
+"""Numbers that decide the flaps' motion over an interval under held accelerations: angle, rate and acceleration in
+components in the frame of its start. Places for them; behind them come the deviations from that."""
+STEP_INPUTS = 2 * BLADES
+"""What a step may add to a motion that goes on: acceleration over it, and a jump of the angle at its end."""
+VALUE, DRIVE, READ = 0, 2, 2
+"""Rows of constants of the modes: eigenvalue, then either inputs to the real and to the imaginary part, or real and
+imaginary part in turn to each moment."""
+STEP_ROWS, PUSH_ROWS, READ_ROWS = DRIVE + 2 * STEP_INPUTS, DRIVE + 2 * BLADES, READ + 2 * BLADES
+"""For what a step may add; for held accelerations; for the moments."""
+LAST = 6
+"""Outputs beside the moments: tip deflection, tower, wind."""

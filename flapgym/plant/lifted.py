@@ -23,12 +23,13 @@ class Lifted:
     ----------
     decay : (m,) complex
         What an interval leaves of each mode.
-    drive : (k nu, 2 m) float
-        Inputs at samples 0..k - 1 to the modes at the end, real and imaginary parts alternating.
+    drive : (q, 2 m) float
+        Inputs to the modes at the end, real and imaginary parts alternating. Given sample by sample, they are those
+        of samples 0..k - 1, q = k nu.
     read : (2 m, rows) float
         Modes at the start to the output rows.
-    feed : ((k + 1) nu, rows) float
-        Inputs at samples 0..k to the output rows.
+    feed : (q, rows) float
+        Inputs to the output rows. Given sample by sample, they are those of samples 0..k, q = (k + 1) nu.
     """
 
     decay: ComplexArray
@@ -48,7 +49,7 @@ def lift(modal: Modal, steps: int, rows: Array, inputs: Array | None = None) -> 
     rows : (r, k ny) float
         Output rows wanted, as combinations of (y^1, ..., y^k).
     inputs : ((k + 1) nu, q) float, optional
-        Native inputs (u^0, ..., u^k) from the ones that will be given, sample by sample; identity by default.
+        Native inputs (u^0, ..., u^k) from the q that will be given; by default they are given sample by sample.
     """
     nu, ny, m = len(modal.inputs), len(modal.outputs), modal.order
     powers = modal.values[None, :] ** np.arange(steps + 1)[:, None]
@@ -62,7 +63,7 @@ def lift(modal: Modal, steps: int, rows: Array, inputs: Array | None = None) -> 
     observe = (powers[1:, None, :] * modal.read).reshape(steps * ny, m)
     push = (powers[steps - 1 :: -1, None, :] * modal.drive.T).reshape(steps * nu, m)
     if inputs is not None:
-        push, toeplitz = inputs[: steps * nu, : steps * nu].T @ push, toeplitz @ inputs
+        push, toeplitz = inputs[: steps * nu].T @ push, toeplitz @ inputs
     combined = rows @ observe
     return Lifted(
         decay=powers[steps].copy(),

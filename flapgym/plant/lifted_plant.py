@@ -11,6 +11,7 @@ from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import blade_azimuths, to_blades, to_components
 from flapgym.plant.interface import Interval, Setup, Start, Task
 from flapgym.plant.kernel import prepare
+from flapgym.plant.layout import FLAP_INPUTS
 from flapgym.plant.responses import Responses
 from flapgym.plant.sampled import SampledPlant
 from flapgym.plant.stuck import first_modes
@@ -37,9 +38,9 @@ class LiftedPlant(SampledPlant):
         flap, dtype = kernel.lifted, np.dtype(setup.precision)
         self._kernel = kernel
         self._decay = flap.decay.astype(np.result_type(dtype, np.complex64))
-        self._drive, self._read, self._feed = (
-            matrix.astype(dtype) for matrix in (flap.drive, np.vstack([flap.read, flap.feed]), kernel.back)
-        )
+        # The last sample's motion acts on the outputs alone.
+        self._drive = flap.drive[:-FLAP_INPUTS].astype(dtype)
+        self._read = np.vstack([flap.read, flap.feed]).astype(dtype)
         # Modes and flap components side by side, so that one product reads both.
         self._state = np.zeros((count, self._read.shape[0]), dtype=dtype)
         self._responses = Responses(kernel, count, setup, model.turbulence_intensity)
@@ -56,7 +57,7 @@ class LiftedPlant(SampledPlant):
         modes = first_modes(self._kernel.flap, self.setup, start.azimuth, self._kernel.turn)
         self._state[turbines, : 2 * self._decay.size] = modes.view(float)
         first[:, :8] += (modes @ self._kernel.flap.read.T).real
-        first[:, :8] += first_feedthrough(self._kernel.direct, start, self._effectiveness)
+        first[:, :8] += first_motion(start, self._effectiveness) @ self._kernel.direct
         return first_interval(first, start, self.setup.blades)
 
     def advance(self, motion: Array, stopped: NDArray[np.bool_]) -> Interval:
@@ -70,8 +71,7 @@ class LiftedPlant(SampledPlant):
         components[:] = (motion @ (transform * weights).transpose(0, 2, 1)).reshape(n, -1)
         rows = (self._state @ self._read).astype(float)
         elapsed = np.minimum(self.elapsed, self.setup.intervals - 1)
-        wind = self._responses.rows[self._responses.place, elapsed] @ self._feed
-        rows += wind * self._responses.level[:, None]
+        rows += self._responses.rows[self._responses.place, elapsed] * self._responses.level[:, None]
         modes *= self._decay
         modes += (components[:, : self._drive.shape[0]] @ self._drive).view(self._decay.dtype)
         loads = rows[:, : kernel.rows.blade_rows].reshape(n, -1, 3) @ transform
@@ -108,8 +108,8 @@ def _transform(azimuth: Array, blades: int) -> Array:
     return transform
 
 
-def first_feedthrough(direct: Array, start: Start, effectiveness: Array) -> Array:
-    """What the flaps do to the eight outputs (m, 8) at sample 0, where the turbine's response to them begins."""
+def first_motion(start: Start, effectiveness: Array) -> Array:
+    """Flap angle and rate in components (m, 6) at sample 0."""
     blades = effectiveness.size
     parts = []
     for values in (start.flap_angle, start.flap_rate):
@@ -117,7 +117,7 @@ def first_feedthrough(direct: Array, start: Start, effectiveness: Array) -> Arra
         parts.append(
             to_components(acting, start.azimuth) if blades == 3 else np.pad(acting, ((0, 0), (0, 2)))
         )
-    return np.asarray(np.concatenate(parts, axis=1) @ direct)
+    return np.concatenate(parts, axis=1)
 
 
 def first_interval(outputs: Array, start: Start, blades: int) -> Interval:

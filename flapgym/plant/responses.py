@@ -36,6 +36,8 @@ class Pool:
 
     def fill(self, wanted: NDArray[np.int64]) -> None:
         """Make sure that these realisations are there."""
+        if self._known[wanted].all():
+            return
         for index in np.unique(wanted[~self._known[wanted]]):
             noise = realisation_noise(int(index), self._kernel.disturbance.noise_count(self._intervals))
             first, rows = self._kernel.disturbance.respond(noise[None], self._intervals)
@@ -66,7 +68,7 @@ class Responses:
     Attributes
     ----------
     rows : (places, intervals, count) float
-        In the frame of each sample.
+        In the frame of the interval's start.
     place : (n,) int
         Where each turbine's response is.
     level : (n,) float

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant.actuator import Actuator
-from flapgym.plant.interface import FloatArray, Interval, Quick, Setup, Start, Task, quickly
+from flapgym.plant.interface import FloatArray, Interval, Quick, Setup, Start, Task, told
 from flapgym.plant.kernel import fingerprint
 from flapgym.plant.layout import (
     ANGLE,
@@ -167,7 +167,7 @@ class SampledPlant(ABC):
     @property
     def quick(self) -> Quick:
         """`step` for flat float32 arrays and without samples."""
-        return quickly(self.step)
+        return told, self.step
 
     def get_state(self, turbine: int) -> dict[str, Any]:
         """What changes of a turbine, but for its realisation, as plain values for JSON."""

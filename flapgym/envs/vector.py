@@ -105,10 +105,10 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Info]:
-        """Begin an episode in every environment, or in those of `options["reset_mask"]`."""
+        """Begin an episode in every environment, or seeded and begun in those of `options["reset_mask"]` alone."""
         options = dict(options or {})
-        mask = self._checked_mask(options.pop("reset_mask", None))
-        generators = self._seeded(seed)
+        mask = checked_mask(options.pop("reset_mask", None), self.num_envs)
+        generators = self._seeded(seed, mask)
         turbines = np.flatnonzero(mask)
         observation, info = self._fleet.begin(turbines, [generators[index] for index in turbines], options)
         self._observation[turbines] = observation
@@ -130,7 +130,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             return self._reset_ended(*step)
         observation, reward, terminated, truncated, info = step
         self._ended = terminated | truncated
-        self._observation = observation.copy()
+        self._observation = observation.copy()  # what was returned is the caller's
         self._show(info)
         return observation, reward, terminated, truncated, _masked(info, np.ones(self.num_envs, dtype=bool))
 
@@ -197,6 +197,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         everywhere = np.ones(self.num_envs, dtype=bool)
         masks = {name: everywhere if name in STATE_INFO else stepped for name in info}
         self._ended = terminated | truncated
+        self._observation = observation.copy()
         return observation, reward, terminated, truncated, _masked(info, masks)
 
     def _reset_ended(
@@ -222,6 +223,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             info |= {"final_obs": last, "final_info": final_info}
             masks = {name: ended if name.startswith("final_") else everywhere for name in info}
         self._show(info, restart)
+        self._observation = observation.copy()
         return observation, reward, terminated, truncated, _masked(info, masks)
 
     def _show(
@@ -238,34 +240,50 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         generators = self._seeded(None)
         return self._fleet.begin(turbines, [generators[index] for index in turbines])
 
-    def _seeded(self, seed: int | Sequence[int | None] | None) -> list[np.random.Generator]:
-        """The generators, made anew where a seed is given and on first use."""
-        seeds = (
-            [seed + index for index in range(self.num_envs)] if isinstance(seed, (int, np.integer)) else seed
-        )
-        if seeds is not None and len(seeds) != self.num_envs:
-            raise ValueError(f"seed: expected one number or {self.num_envs} of them, got {len(seeds)}")
-        if self._generators is None or seeds is not None:
+    def _seeded(
+        self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_] | None = None
+    ) -> list[np.random.Generator]:
+        """The generators, made anew where a seed is given to an environment of the mask, and on first use."""
+        seeds = self._one_seed_each(seed)
+        if self._generators is None or any(each is not None for each in seeds):
             before = self._generators
             pairs = [
                 (before[index], self._seeds[index])
-                if before is not None and (seeds is None or seeds[index] is None)
-                else seeding.np_random(None if seeds is None else seeds[index])
-                for index in range(self.num_envs)
+                if before is not None and (each is None or (mask is not None and not mask[index]))
+                else seeding.np_random(each)
+                for index, each in enumerate(seeds)
             ]
             self._generators = [pair[0] for pair in pairs]
             self._seeds = [pair[1] for pair in pairs]
         return self._generators
 
-    def _checked_mask(self, mask: Any) -> NDArray[np.bool_]:
-        if mask is None:
-            return np.ones(self.num_envs, dtype=bool)
-        mask = np.asarray(mask)
-        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+    def _one_seed_each(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """A seed for every environment, None where none is given."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, (int, np.integer)) and seed >= 0:
+            return [int(seed) + index for index in range(self.num_envs)]
+        each = list(seed) if isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, str) else []
+        if len(each) != self.num_envs or not all(
+            entry is None or (isinstance(entry, (int, np.integer)) and entry >= 0) for entry in each
+        ):
             raise ValueError(
-                f'options["reset_mask"]: expected {self.num_envs} booleans of which one at least is true, got {mask}'
+                f"seed: expected one whole number of at least 0, or a list of {self.num_envs} of them or None, "
+                f"got {seed!r}"
             )
-        return mask
+        return [None if entry is None else int(entry) for entry in each]
+
+
+def checked_mask(mask: Any, count: int) -> NDArray[np.bool_]:
+    """The environments of `options["reset_mask"]`, (count,); all without one."""
+    if mask is None:
+        return np.ones(count, dtype=bool)
+    mask = np.asarray(mask)
+    if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
+        raise ValueError(
+            f'options["reset_mask"]: expected {count} booleans of which one at least is true, got {mask}'
+        )
+    return mask
 
 
 STATE_INFO = frozenset(

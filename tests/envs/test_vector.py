@@ -156,3 +156,29 @@ def test_actions_for_environments_about_to_begin_anew_may_be_anything():
     np.testing.assert_array_equal(env.step(anything)[0], twin.step(zeros)[0])
     with pytest.raises(ValueError, match="action: expected finite numbers"):
         env.step(anything)
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode), ids=str)
+@pytest.mark.parametrize("seed", [None, 100, [7, 8, 9, 10]], ids=str)
+def test_a_masked_reset_leaves_the_others_their_last_observation_and_their_seeds(mode, seed):
+    native, sync = _pair(mode)
+    mask = np.array([True, False, True, False])
+    for env in (native, sync):
+        env.reset(seed=0)
+        for _ in range(5):
+            env.step(np.full((4, 3), 0.3, dtype=np.float32))
+    got, expected = (env.reset(seed=seed, options={"reset_mask": mask.copy()})[0] for env in (native, sync))
+    np.testing.assert_allclose(got, expected, rtol=1e-6, atol=1e-7)
+    np.testing.assert_array_equal(native.get_state()["observation"], got)
+    assert native.np_random_seed == sync.np_random_seed
+    np.testing.assert_allclose(native.reset()[0], sync.reset()[0], rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", [1.5, "ab", -1, [1, -1], [1, 2.0], [1, 2, 3], {1, 2}], ids=str)
+def test_impossible_seeds_are_refused_by_name_and_change_nothing(seed):
+    env = FlapVectorEnv(2, model=synthetic_model())
+    env.reset(seed=3)
+    before = env.get_state()
+    with pytest.raises(ValueError, match=r"^seed: expected one whole number of at least 0, or a list of 2"):
+        env.reset(seed=seed)
+    assert env.get_state() == before

@@ -94,16 +94,15 @@ class Fleet:
         self,
         turbines: NDArray[np.int64],
         generators: Sequence[np.random.Generator],
-        options: Mapping[str, Any] | None = None,
+        chosen: Sequence[Origin],
     ) -> tuple[NDArray[np.float32], Info]:
-        """Start an episode of m turbines, each with randomness from its own generator.
+        """Start an episode of m turbines, each with randomness from its own generator and with what was `chosen`.
 
         Returns
         -------
         observation : (m, size) float32
         info : dict of arrays (m, ...)
         """
-        chosen = self._chosen(turbines, dict(options or {}))
         origins = [
             {"generator": generator.bit_generator.state} | each
             for generator, each in zip(generators, chosen, strict=True)
@@ -233,9 +232,20 @@ class Fleet:
             **json.loads(json.dumps(settings, default=_plain)),
         }
 
-    def _chosen(self, turbines: NDArray[np.int64], options: dict[str, Any]) -> list[Origin]:
-        """The options of each of m turbines as plain values; what is left to chance is None."""
+    def chosen(
+        self, turbines: NDArray[np.int64], options: Mapping[str, Any] | None = None
+    ) -> list[Origin]:
+        """The reset options of each of m turbines as plain values; what is left to chance is None.
+
+        Raises
+        ------
+        ValueError
+            If an option is unknown or impossible. Nothing has changed yet: no generator, no turbine.
+        """
         n, model = self.count, self.model
+        options = {} if options is None else options
+        if not isinstance(options, Mapping):
+            raise ValueError(f"options: expected a dict of {', '.join(RESET_OPTIONS)}, got {options!r}")
         for name in options:
             if name not in RESET_OPTIONS:
                 raise ValueError(f"options: no {name!r}; known: {', '.join(RESET_OPTIONS)}")

@@ -198,8 +198,10 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Info]:
         """Begin an episode; see Starting State for the options."""
+        turbine = np.zeros(1, dtype=np.int64)
+        chosen = self._fleet.chosen(turbine, options)  # before the seed, which a refused reset must not take
         super().reset(seed=seed)
-        observation, info = self._fleet.begin(np.zeros(1, dtype=np.int64), [self.np_random], options)
+        observation, info = self._fleet.begin(turbine, [self.np_random], chosen)
         self._running = True
         info = {
             name: value[0] if value.ndim > 1 else float(value[0])

@@ -106,11 +106,12 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Info]:
         """Begin an episode in every environment, or seeded and begun in those of `options["reset_mask"]` alone."""
-        options = dict(options or {})
-        mask = checked_mask(options.pop("reset_mask", None), self.num_envs)
-        generators = self._seeded(seed, mask)
+        mask = checked_mask(options, self.num_envs)
         turbines = np.flatnonzero(mask)
-        observation, info = self._fleet.begin(turbines, [generators[index] for index in turbines], options)
+        further = {name: value for name, value in (options or {}).items() if name != "reset_mask"}
+        chosen = self._fleet.chosen(turbines, further)  # before the seed, which a refused reset must not take
+        generators = self._seeded(seed, mask)
+        observation, info = self._fleet.begin(turbines, [generators[index] for index in turbines], chosen)
         self._observation[turbines] = observation
         self._ended[turbines], self._started[turbines] = False, True
         info = _scattered(info, turbines, self.num_envs)
@@ -238,7 +239,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
 
     def _begin(self, turbines: NDArray[np.int64]) -> tuple[NDArray[np.float32], Info]:
         generators = self._seeded(None)
-        return self._fleet.begin(turbines, [generators[index] for index in turbines])
+        chosen = self._fleet.chosen(turbines)
+        return self._fleet.begin(turbines, [generators[index] for index in turbines], chosen)
 
     def _seeded(
         self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_] | None = None
@@ -274,14 +276,17 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         return [None if entry is None else int(entry) for entry in each]
 
 
-def checked_mask(mask: Any, count: int) -> NDArray[np.bool_]:
-    """The environments of `options["reset_mask"]`, (count,); all without one."""
-    if mask is None:
+def checked_mask(options: Mapping[str, Any] | None, count: int) -> NDArray[np.bool_]:
+    """The environments of a reset's `options["reset_mask"]`, (count,); all without one."""
+    if options is not None and not isinstance(options, Mapping):
+        raise ValueError(f'options: expected a dict, such as {{"reset_mask": mask}}, got {options!r}')
+    given = None if options is None else options.get("reset_mask")
+    if given is None:
         return np.ones(count, dtype=bool)
-    mask = np.asarray(mask)
+    mask = np.asarray(given)
     if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
         raise ValueError(
-            f'options["reset_mask"]: expected {count} booleans of which one at least is true, got {mask}'
+            f'options["reset_mask"]: expected {count} booleans of which one at least is true, got {given!r}'
         )
     return mask
 

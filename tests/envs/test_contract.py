@@ -310,3 +310,13 @@ def test_importing_the_package_loads_nothing_heavy():
         "print([name for name in heavy if name in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("options", [{"azimut": 1.0}, {"flap_angle": 9.0}, [1], "azimuth"], ids=str)
+def test_a_refused_reset_changes_neither_the_episode_nor_the_seed(model_file, options):
+    for env in (flapgym.envs.FlapEnv(model=model_file), flapgym.envs.FlapVectorEnv(2, model=model_file)):
+        env.reset(seed=0)
+        before = env.get_state()
+        with pytest.raises(ValueError, match="^options"):
+            env.reset(seed=9, options=options)
+        assert env.get_state() == before

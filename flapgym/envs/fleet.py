@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import reprlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -17,18 +18,36 @@ from flapgym.envs.observation import DISPLACEMENTS, bound_of, task_of
 from flapgym.envs.settings import Settings
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.delayed import DelayedPlant
+from flapgym.plant.states import checked_state, checked_whole
 from flapgym.reduction import output_rms
 from flapgym.state_space import Array, series
 from flapgym.turbulence import von_karman_filter
 
+BIT_GENERATORS = ("MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64")
+BUFFERS = {"pos": 624, "buffer_pos": 4}
+"""What a generator's place in its own numbers is called, and the last one."""
 RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turbulence_intensity")
 
 Info = dict[str, Any]
 Origin = dict[str, Any]
 """Where an episode comes from: the generator's state before its draws, and the options of the reset."""
 Reader = Callable[[Any], Any]
-"""Makes of a plain value what it stands for, or raises one of these errors."""
+"""Makes of a state's entry what it stands for, or raises one of these errors."""
 _DAMAGE = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
+
+
+class Episode(NamedTuple):
+    """What a turbine goes on from.
+
+    Attributes
+    ----------
+    origin : Origin
+    plant : dict
+        Of `flapgym.plant.states.checked_state`.
+    """
+
+    origin: Origin
+    plant: dict[str, Any]
 
 
 class Fleet:
@@ -104,7 +123,7 @@ class Fleet:
         info : dict of arrays (m, ...)
         """
         origins = [
-            {"generator": generator.bit_generator.state} | each
+            {"generator": generator_state(generator)} | each
             for generator, each in zip(generators, chosen, strict=True)
         ]
         observation, rows = self.plant.reset(turbines, self._start(turbines, generators, chosen))
@@ -147,8 +166,8 @@ class Fleet:
             "turbines": self._turbines(),
         }
 
-    def set_state(self, state: Mapping[str, Any], further: Mapping[str, Reader]) -> dict[str, Any]:
-        """Go on from a state of the same model and settings, bit for bit.
+    def read_state(self, state: Mapping[str, Any], further: Mapping[str, Reader]) -> dict[str, Any]:
+        """A state of the same model and settings, checked whole; nothing is changed.
 
         Parameters
         ----------
@@ -160,39 +179,37 @@ class Fleet:
         Returns
         -------
         dict
-            That, read.
+            That, read, and "turbines" for `go_on`.
 
         Raises
         ------
         ValueError
-            If the state is another environment's or damaged; nothing is changed then.
+            If the state is another environment's or damaged.
         """
-        try:
-            made_by, turbines = dict(state["made_by"]), list(state["turbines"])
-            absent = [name for name in further if name not in state]
-        except (KeyError, TypeError, ValueError):
-            raise ValueError("state: expected what get_state of such an environment returned") from None
+        if not isinstance(state, Mapping) or not isinstance(state.get("made_by"), Mapping):
+            raise ValueError("state: expected what get_state of such an environment returned")
+        readers = {**further, "turbines": self._read_turbines}
+        absent = [name for name in readers if name not in state]
         if absent:
             raise ValueError(
                 f"state: expected what get_state of such an environment returned, it has no {absent[0]}"
             )
+        made_by = state["made_by"]
         for name, own in self._identity().items():
             if made_by.get(name) != own:
                 raise ValueError(
                     f"state: made by an environment with {name} {made_by.get(name)!r}, this one has {own!r}"
                 )
-        own, name, before = {}, "turbines", self._turbines()
-        try:
-            for name, reader in further.items():
-                own[name] = reader(state[name])
-            name = "turbines"
-            self._go_on(turbines)
-        except _DAMAGE as error:
-            self._go_on(before)
-            raise ValueError(
-                f"state: {name}: damaged ({type(error).__name__}: {error}); take it from get_state"
-            ) from None
-        return own
+        return {name: read_entry(name, state[name], reader) for name, reader in readers.items()}
+
+    def go_on(self, episodes: Sequence[Episode | None]) -> None:
+        """Go on from the turbines of a state that was read, bit for bit."""
+        for turbine, episode in enumerate(episodes):
+            self._origins[turbine] = None if episode is None else episode.origin
+            if episode is not None:
+                which, generator = np.array([turbine]), generator_of(episode.origin["generator"])
+                self.plant.reset(which, self._start(which, [generator], [episode.origin]))
+                self.plant.set_state(turbine, episode.plant)
 
     def _turbines(self) -> list[dict[str, Any] | None]:
         return [
@@ -200,22 +217,28 @@ class Fleet:
             for turbine, origin in enumerate(self._origins)
         ]
 
-    def _go_on(self, turbines: Sequence[Mapping[str, Any] | None]) -> None:
-        """Put every turbine into its state."""
-        if len(turbines) != self.count:
-            raise ValueError(f"expected {self.count} turbines, got {len(turbines)}")
-        for turbine, entry in enumerate(turbines):
-            self._origins[turbine] = None
-            if entry is not None:
-                self._begin_again(turbine, entry["origin"])
-                self.plant.set_state(turbine, entry["plant"])
+    def _read_turbines(self, entries: Sequence[Mapping[str, Any] | None]) -> list[Episode | None]:
+        """What every turbine goes on from; None where no episode has begun."""
+        if len(entries) != self.count:
+            raise ValueError(f"expected {self.count} turbines, got {len(entries)}")
+        own, episodes = self.plant.get_state(0), list[Episode | None]()
+        for turbine, entry in enumerate(entries):
+            try:
+                episodes.append(None if entry is None else self._read_episode(entry, own))
+            except _DAMAGE as error:
+                raise ValueError(f"turbine {turbine}: {_reason(error)}") from None
+        return episodes
 
-    def _begin_again(self, turbine: int, origin: Origin) -> None:
-        """Repeat the draws of an episode."""
+    def _read_episode(self, entry: Mapping[str, Any], own: Mapping[str, Any]) -> Episode:
+        """A turbine's entry; its origin is under the rules of a reset's options."""
+        origin = entry["origin"]
+        given = {name: origin[name] for name in RESET_OPTIONS if origin[name] is not None}
+        (chosen,) = self.chosen(np.zeros(1, dtype=np.int64), given)
         generator = generator_of(origin["generator"])
-        which = np.array([turbine])
-        self.plant.reset(which, self._start(which, [generator], [origin]))
-        self._origins[turbine] = dict(origin)
+        return Episode(
+            {"generator": generator_state(generator), **chosen},
+            checked_state(entry["plant"], own, self.model, self.setup),
+        )
 
     def _identity(self) -> dict[str, Any]:
         """What two environments must share for a state of one to mean the same to the other."""
@@ -232,9 +255,7 @@ class Fleet:
             **json.loads(json.dumps(settings, default=_plain)),
         }
 
-    def chosen(
-        self, turbines: NDArray[np.int64], options: Mapping[str, Any] | None = None
-    ) -> list[Origin]:
+    def chosen(self, turbines: NDArray[np.int64], options: Mapping[str, Any] | None = None) -> list[Origin]:
         """The reset options of each of m turbines as plain values; what is left to chance is None.
 
         Raises
@@ -265,7 +286,7 @@ class Fleet:
                 "azimuth": None if azimuth is None else float(azimuth[turbine]),
                 "flap_angle": angle[turbine].tolist(),
                 "flap_rate": rate[turbine].tolist(),
-                "intensity": float(intensity[turbine]),
+                "turbulence_intensity": float(intensity[turbine]),
             }
             for turbine in turbines
         ]
@@ -297,7 +318,7 @@ class Fleet:
             azimuth=azimuth,
             flap_angle=np.array([each["flap_angle"] for each in chosen]),
             flap_rate=np.array([each["flap_rate"] for each in chosen]),
-            intensity=np.array([each["intensity"] for each in chosen]),
+            intensity=np.array([each["turbulence_intensity"] for each in chosen]),
             noise=noise,
             realisation=realisation,
             measurement_noise=measured,
@@ -341,11 +362,66 @@ def refusal(values: NDArray[np.float32] | Array, status: int, blades: int) -> Va
     )
 
 
+def generator_state(generator: np.random.Generator) -> dict[str, Any]:
+    """A generator's state as plain values: some kinds of generator keep arrays."""
+    return _without_arrays(generator.bit_generator.state)
+
+
+def _without_arrays(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _without_arrays(entry) for name, entry in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
 def generator_of(state: Mapping[str, Any]) -> np.random.Generator:
-    """A generator in a state."""
-    bits = getattr(np.random, state["bit_generator"])()
-    bits.state = dict(state)
+    """A generator in such a state, of a kind that NumPy has."""
+    kind = state["bit_generator"]
+    if kind not in BIT_GENERATORS:
+        raise ValueError(f"bit_generator: expected one of {', '.join(BIT_GENERATORS)}, got {kind!r}")
+    bits = getattr(np.random, kind)()
+    bits.state = _like(bits.state, state)
     return np.random.Generator(bits)
+
+
+def _like(own: Any, given: Any, name: str = "generator") -> Any:
+    """An entry of a generator's state, with arrays where its own has some; NumPy trusts the places in them."""
+    if isinstance(own, dict):
+        return {name: _like(value, given[name], name) for name, value in own.items()}
+    if name in BUFFERS:
+        return checked_whole(name, given, BUFFERS[name])
+    if isinstance(own, np.ndarray):
+        if len(given) != own.size or not all(type(each) is int for each in given):
+            raise ValueError(f"{name}: expected {own.size} whole numbers, got {reprlib.repr(given)}")
+        return np.array(given, dtype=own.dtype)
+    if type(given) is not type(own):
+        raise ValueError(f"{name}: expected {type(own).__name__}, got {reprlib.repr(given)}")
+    return given
+
+
+def read_entry(name: str, given: Any, reader: Reader) -> Any:
+    """An entry of a state, read; whatever is wrong with it, the error names it."""
+    try:
+        return reader(given)
+    except _DAMAGE as error:
+        raise ValueError(f"state: {name}: damaged ({_reason(error)}); take it from get_state") from None
+
+
+def _reason(error: Exception) -> str:
+    return str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+
+
+def true_or_false(given: Any) -> bool:
+    """A truth value of a state."""
+    if not isinstance(given, (bool, np.bool_)):
+        raise ValueError(f"expected True or False, got {given!r}")
+    return bool(given)
+
+
+def seed_number(given: Any) -> int:
+    """A seed of a state; -1 stands for a generator that was set."""
+    if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or given < -1:
+        raise ValueError(f"expected a whole number, got {given!r}")
+    return int(given)
 
 
 def state_info(rows: Array, blades: int) -> Info:

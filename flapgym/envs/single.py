@@ -17,9 +17,12 @@ from flapgym.envs.fleet import (
     Fleet,
     Info,
     generator_of,
+    generator_state,
     numbers,
     refusal,
     sample_info,
+    seed_number,
+    true_or_false,
 )
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
@@ -246,7 +249,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return {
             **self._fleet.get_state(),
             "running": self._running,
-            "generator": self.np_random.bit_generator.state,
+            "generator": generator_state(self.np_random),
             "seed": self.np_random_seed,
         }
 
@@ -258,7 +261,12 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         ValueError
             If it is another environment's or damaged; nothing is changed then.
         """
-        own = self._fleet.set_state(state, {"running": bool, "generator": generator_of, "seed": int})
+        own = self._fleet.read_state(
+            state, {"running": true_or_false, "generator": generator_of, "seed": seed_number}
+        )
+        if own["running"] and own["turbines"] == [None]:
+            raise ValueError("state: running: damaged (no episode has begun); take it from get_state")
+        self._fleet.go_on(own["turbines"])
         self._running = own["running"]
         self._np_random, self._np_random_seed = own["generator"], own["seed"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,9 +15,20 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.envs.fleet import BRIEF, Fleet, Info, generator_of, numbers
+from flapgym.envs.fleet import (
+    BRIEF,
+    Fleet,
+    Info,
+    Reader,
+    generator_of,
+    generator_state,
+    numbers,
+    seed_number,
+    true_or_false,
+)
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
+from flapgym.plant.states import checked_numbers
 from flapgym.state_space import Array
 
 Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
@@ -146,7 +158,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
         return {
             **self._fleet.get_state(),
-            "generators": [generator.bit_generator.state for generator in self._seeded(None)],
+            "generators": [generator_state(generator) for generator in self._seeded(None)],
             "seeds": list(self._seeds),
             "ended": self._ended.tolist(),
             "started": self._started.tolist(),
@@ -161,25 +173,36 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         ValueError
             If it is another environment's or damaged; nothing is changed then.
         """
-        own = self._fleet.set_state(
+        shape = self._observation.shape
+        own = self._fleet.read_state(
             state,
             {
-                "generators": lambda entries: [generator_of(entry) for entry in self._one_each(entries)],
-                "seeds": lambda seeds: [int(seed) for seed in self._one_each(seeds)],
-                "ended": lambda flags: np.array(self._one_each(flags), dtype=bool),
-                "started": lambda flags: np.array(self._one_each(flags), dtype=bool),
-                "observation": lambda rows: np.array(rows, np.float32).reshape(self._observation.shape),
+                "generators": self._each(generator_of),
+                "seeds": self._each(seed_number),
+                "ended": self._each(true_or_false),
+                "started": self._each(true_or_false),
+                "observation": lambda rows: checked_numbers("rows", rows, shape).astype(np.float32),
             },
         )
+        if any(
+            started and episode is None
+            for started, episode in zip(own["started"], own["turbines"], strict=True)
+        ):
+            raise ValueError("state: started: damaged (no episode has begun); take it from get_state")
+        self._fleet.go_on(own["turbines"])
         self._generators, self._seeds = own["generators"], own["seeds"]
-        self._ended, self._started = own["ended"], own["started"]
+        self._ended, self._started = np.array(own["ended"]), np.array(own["started"])
         self._observation = own["observation"]
 
-    def _one_each(self, values: Any) -> list[Any]:
-        """A state's values, one an environment."""
-        if len(values) != self.num_envs:
-            raise ValueError(f"expected {self.num_envs} values, got {len(values)}")
-        return list(values)
+    def _each(self, reader: Reader) -> Reader:
+        """Reads a list of one entry an environment."""
+
+        def read(entries: Any) -> list[Any]:
+            if not isinstance(entries, (list, tuple)) or len(entries) != self.num_envs:
+                raise ValueError(f"expected a list of {self.num_envs}, got {reprlib.repr(entries)}")
+            return [reader(entry) for entry in entries]
+
+        return read
 
     def _step_then_reset_next(self, actions: ArrayLike) -> Step:
         restart = np.flatnonzero(self._ended)

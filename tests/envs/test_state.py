@@ -106,6 +106,25 @@ DAMAGE = {
     "origin lost": lambda entry: entry.pop("origin"),
     "generator unknown": lambda entry: entry["origin"]["generator"].update(bit_generator="Dice"),
     "entry a number": lambda entry: entry.clear(),
+    "time negative": lambda entry: entry["plant"].update(elapsed=-(10**11)),
+    "time fractional": lambda entry: entry["plant"].update(elapsed=1.5),
+    "time a text": lambda entry: entry["plant"].update(elapsed="1"),
+    "time not a number": lambda entry: entry["plant"].update(elapsed=np.nan),
+    "time past the end": lambda entry: entry["plant"].update(elapsed=21),
+    "flap past its stop": lambda entry: entry["plant"]["flaps"][0].__setitem__(1, 0.2),
+    "flap too fast": lambda entry: entry["plant"]["flaps"][1].__setitem__(1, -2.0),
+    "flaps not numbers": lambda entry: entry["plant"]["flaps"][2].__setitem__(0, np.nan),
+    "flaps one for all": lambda entry: entry["plant"].update(flaps=0.0),
+    "flaps uneven": lambda entry: entry["plant"]["flaps"][0].pop(),
+    "travel one for all": lambda entry: entry["plant"].update(travel=[0.0]),
+    "travel infinite": lambda entry: entry["plant"].update(travel=[0.0, np.inf, 0.0]),
+    "modes one for all": lambda entry: entry["plant"].update(modes=0.0),
+    "modes not numbers": lambda entry: entry["plant"]["modes"].__setitem__(0, np.nan),
+    "modes texts": lambda entry: entry["plant"].update(modes=["0"] * len(entry["plant"]["modes"])),
+    "intensity negative": lambda entry: entry["origin"].update(turbulence_intensity=-1.0),
+    "azimuth not a number": lambda entry: entry["origin"].update(azimuth=np.nan),
+    "seed negative": lambda entry: entry["origin"].update(realisation_seed=-1),
+    "first flap angle too large": lambda entry: entry["origin"].update(flap_angle=[9.0, 0.0, 0.0]),
 }
 
 
@@ -128,6 +147,15 @@ def test_a_damaged_turbine_is_refused_and_changes_nothing(damage, variant):
     [
         (False, "generator", {}),
         (False, "seed", None),
+        (False, "seed", 1.5),
+        (False, "running", "no"),
+        (False, "turbines", [None]),
+        (True, "ended", ["no", "no"]),
+        (True, "started", [1, 1]),
+        (True, "observation", [[np.nan] * 3] * 2),
+        (True, "observation", 0.0),
+        (True, "turbines", [None, None]),
+        (True, "turbines", 2),
         (True, "generators", [{}, {}]),
         (True, "seeds", [1]),
         (True, "ended", [True]),
@@ -139,9 +167,47 @@ def test_what_else_is_damaged_is_named_and_changes_nothing(many, name, value):
     env = FlapVectorEnv(2, **_keywords("plain")) if many else FlapEnv(**_keywords("plain"))
     env.reset(seed=0)
     before = env.get_state()
-    with pytest.raises(ValueError, match=rf"^state: {name}: damaged .*; take it from get_state"):
+    # An environment without an episode is whole; what contradicts it is the other entry.
+    blamed = {"[None]": "running", "[None, None]": "started"}.get(str(value), name)
+    with pytest.raises(ValueError, match=rf"^state: {blamed}: damaged .*; take it from get_state"):
         env.set_state(before | {name: value})
     assert env.get_state() == before
+
+
+def test_late_moments_of_a_damaged_state_are_refused():
+    env = FlapEnv(**_keywords("delay"))
+    env.reset(seed=0)
+    for past in (0.0, [[0.0] * 3], [[np.nan] * 3] * 2):
+        state = env.get_state()
+        state["turbines"][0]["plant"]["past"] = past
+        with pytest.raises(ValueError, match=r"damaged \(turbine 0: past: expected"):
+            env.set_state(state)
+
+
+KINDS = ("MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_state_of_any_generator_of_numpy_survives_json(kind):
+    env, twin = FlapEnv(**_keywords("plain")), FlapEnv(**_keywords("plain"))
+    env.np_random = np.random.Generator(getattr(np.random, kind)(3))
+    env.reset()
+    env.step(np.zeros(3))
+    twin.set_state(json.loads(json.dumps(env.get_state())))
+    _assert_equal(twin.step(np.zeros(3)), env.step(np.zeros(3)))
+    np.testing.assert_array_equal(twin.reset()[0], env.reset()[0])
+
+
+@pytest.mark.parametrize("kind, damage", [("MT19937", "pos"), ("Philox", "buffer_pos"), ("SFC64", "state")])
+def test_a_damaged_generator_is_refused(kind, damage):
+    env = FlapEnv(**_keywords("plain"))
+    env.np_random = np.random.Generator(getattr(np.random, kind)(3))
+    env.reset()
+    state = env.get_state()
+    entry = state["generator"] if damage in state["generator"] else state["generator"]["state"]
+    entry[damage] = 10**6
+    with pytest.raises(ValueError, match="^state: generator: damaged"):
+        env.set_state(state)
 
 
 def test_a_late_environment_refuses_the_state_of_another_kernel():

@@ -189,18 +189,13 @@ class Fleet:
         if not isinstance(state, Mapping) or not isinstance(state.get("made_by"), Mapping):
             raise ValueError("state: expected what get_state of such an environment returned")
         readers = {**further, "turbines": self._read_turbines}
-        absent = [name for name in readers if name not in state]
-        if absent:
-            raise ValueError(
-                f"state: expected what get_state of such an environment returned, it has no {absent[0]}"
-            )
         made_by = state["made_by"]
         for name, own in self._identity().items():
             if made_by.get(name) != own:
                 raise ValueError(
                     f"state: made by an environment with {name} {made_by.get(name)!r}, this one has {own!r}"
                 )
-        return {name: read_entry(name, state[name], reader) for name, reader in readers.items()}
+        return {name: read_entry(state, name, reader) for name, reader in readers.items()}
 
     def go_on(self, episodes: Sequence[Episode | None]) -> None:
         """Go on from the turbines of a state that was read, bit for bit."""
@@ -398,16 +393,29 @@ def _like(own: Any, given: Any, name: str = "generator") -> Any:
     return given
 
 
-def read_entry(name: str, given: Any, reader: Reader) -> Any:
+def read_entry(state: Mapping[str, Any], name: str, reader: Reader) -> Any:
     """An entry of a state, read; whatever is wrong with it, the error names it."""
+    if not isinstance(state, Mapping) or name not in state:
+        raise ValueError(f"state: expected what get_state of such an environment returned, it has no {name}")
     try:
-        return reader(given)
+        return reader(state[name])
     except _DAMAGE as error:
         raise ValueError(f"state: {name}: damaged ({_reason(error)}); take it from get_state") from None
 
 
 def _reason(error: Exception) -> str:
     return str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+
+
+def each_of(count: int, reader: Reader) -> Reader:
+    """Reads a list of one entry an environment."""
+
+    def read(entries: Any) -> list[Any]:
+        if not isinstance(entries, (list, tuple)) or len(entries) != count:
+            raise ValueError(f"expected a list of {count}, got {reprlib.repr(entries)}")
+        return [reader(entry) for entry in entries]
+
+    return read
 
 
 def true_or_false(given: Any) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -19,7 +18,7 @@ from flapgym.envs.fleet import (
     BRIEF,
     Fleet,
     Info,
-    Reader,
+    each_of,
     generator_of,
     generator_state,
     numbers,
@@ -177,10 +176,10 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         own = self._fleet.read_state(
             state,
             {
-                "generators": self._each(generator_of),
-                "seeds": self._each(seed_number),
-                "ended": self._each(true_or_false),
-                "started": self._each(true_or_false),
+                "generators": each_of(self.num_envs, generator_of),
+                "seeds": each_of(self.num_envs, seed_number),
+                "ended": each_of(self.num_envs, true_or_false),
+                "started": each_of(self.num_envs, true_or_false),
                 "observation": lambda rows: checked_numbers("rows", rows, shape).astype(np.float32),
             },
         )
@@ -193,16 +192,6 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._generators, self._seeds = own["generators"], own["seeds"]
         self._ended, self._started = np.array(own["ended"]), np.array(own["started"])
         self._observation = own["observation"]
-
-    def _each(self, reader: Reader) -> Reader:
-        """Reads a list of one entry an environment."""
-
-        def read(entries: Any) -> list[Any]:
-            if not isinstance(entries, (list, tuple)) or len(entries) != self.num_envs:
-                raise ValueError(f"expected a list of {self.num_envs}, got {reprlib.repr(entries)}")
-            return [reader(entry) for entry in entries]
-
-        return read
 
     def _step_then_reset_next(self, actions: ArrayLike) -> Step:
         restart = np.flatnonzero(self._ended)

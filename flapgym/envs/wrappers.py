@@ -13,12 +13,15 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.control import Agent, load_agent
+from flapgym.envs.fleet import read_entry
 from flapgym.envs.observation import QUANTITIES
 from flapgym.envs.servo import Servo
+from flapgym.plant.states import checked_numbers
 from flapgym.state_space import Array
 
 Observation = NDArray[np.float32]
@@ -74,9 +77,10 @@ class TargetAngle(
         return state | {"flaps": self._flaps.tolist()}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state that `get_state` gave."""
+        """Go on from a state that `get_state` gave; nothing is changed if it is refused."""
+        flaps = read_entry(state, "flaps", lambda given: checked_numbers("motion", given, self._flaps.shape))
         self.env.get_wrapper_attr("set_state")(state)
-        self._flaps = np.array(state["flaps"])
+        self._flaps = flaps
 
 
 class Residual(
@@ -112,7 +116,7 @@ class Residual(
         gymnasium.Wrapper.__init__(self, env)
         self.agent, self._columns = fitted_agent(agent, env.unwrapped)
         self.scale, self.hold = checked_scale(scale), checked_hold(hold)
-        self._observation: Observation = np.zeros(0, dtype=np.float32)
+        self._observation: Observation | None = None
         self._state: Array | None = None
 
     def reset(
@@ -120,37 +124,80 @@ class Residual(
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; the agent forgets the last one."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._observation, self._state = observation, None
+        self._observation, self._state = observation.copy(), None
         return observation, info
 
     def step(self, action: ArrayLike) -> Step:
         """Correct the agent's next `hold` actions."""
         correction = self.scale * checked_action(action, self.action_space.shape or ())
+        if self._observation is None:
+            raise ResetNeeded("step: no episode is running; call reset first")
         rewards, infos = [], []
         for _ in range(self.hold):
-            own, self._state = self.agent.predict(self._observation[self._columns], self._state)
-            self._observation, reward, terminated, truncated, info = self.env.step(
-                np.clip(own + correction, -1.0, 1.0)
-            )
+            own, mind = self.agent.predict(self._observation[self._columns], self._state)
+            seen, reward, terminated, truncated, info = self.env.step(np.clip(own + correction, -1.0, 1.0))
+            # Only now, in case the environment refuses; and a copy, because what was returned is the caller's.
+            self._observation, self._state = seen.copy(), mind
             rewards.append(float(reward))
             infos.append(info)
             if terminated or truncated:
                 break
         info = infos[-1] | averaged(infos) | {"agent_action": own}
-        return self._observation, sum(rewards) / len(rewards), terminated, truncated, info
+        return seen, sum(rewards) / len(rewards), terminated, truncated, info
 
     def get_state(self) -> dict[str, Any]:
         """State of the environment, and what the agent saw and keeps in mind, as plain values for JSON."""
         state: dict[str, Any] = self.env.get_wrapper_attr("get_state")()
-        mind = None if self._state is None else np.asarray(self._state).tolist()
-        return state | {"agent": [self._observation.tolist(), mind]}
+        return state | {"agent": self._identity() | memory(self._observation, self._state)}
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state that `get_state` gave."""
+        """Go on from a state of the same agent, scale and hold; nothing is changed if it is refused."""
+        check_agent(state, self._identity())
+        shape = self.observation_space.shape or ()
+        seen, mind = read_entry(
+            state, "agent", lambda entry: remembered(entry, self.agent, self._columns, shape)
+        )
         self.env.get_wrapper_attr("set_state")(state)
-        seen, mind = state["agent"]
-        self._observation = np.array(seen, dtype=np.float32)
-        self._state = None if mind is None else np.array(mind)
+        self._observation, self._state = seen, mind
+
+    def _identity(self) -> dict[str, Any]:
+        return identity(self.agent, self.scale, self.hold)
+
+
+def identity(agent: Agent, scale: float, hold: int) -> dict[str, Any]:
+    """What two corrected agents must share for a state of one to mean the same to the other."""
+    return {"name": agent.name, "model_hash": agent.model_hash, "scale": scale, "hold": hold}
+
+
+def check_agent(state: Mapping[str, Any], own: Mapping[str, Any]) -> None:
+    """Refuse a state in which another agent acted, or the same otherwise corrected."""
+    entry = read_entry(state, "agent", dict)
+    for name, value in own.items():
+        if entry.get(name) != value:
+            raise ValueError(
+                f"state: agent: made by one with {name} {entry.get(name)!r}, this one has {value!r}"
+            )
+
+
+def memory(observation: Observation | None, mind: Array | None) -> dict[str, Any]:
+    """What an agent saw last and keeps in mind, as plain values."""
+    return {
+        "observation": None if observation is None else observation.tolist(),
+        "mind": None if mind is None else np.asarray(mind).tolist(),
+    }
+
+
+def remembered(
+    entry: Mapping[str, Any], agent: Agent, columns: NDArray[np.intp], shape: tuple[int, ...]
+) -> tuple[Observation | None, Array | None]:
+    """That, read: an observation of the shape given, and what the agent would keep in mind after it."""
+    if entry["observation"] is None:
+        return None, None
+    seen = checked_numbers("observation", entry["observation"], shape).astype(np.float32)
+    if entry["mind"] is None:
+        return seen, None
+    _, own = agent.predict(seen[..., columns], None)
+    return seen, checked_numbers("mind", entry["mind"], np.shape(own))  # type: ignore[arg-type]
 
 
 def flap_model(base: Any) -> Any:

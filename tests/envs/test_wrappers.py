@@ -10,6 +10,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
@@ -134,6 +135,98 @@ def test_the_state_of_a_wrapped_environment_survives_json(model_file, which):
     twin.set_state(json.loads(json.dumps(env.get_state())))
     for _ in range(5):
         np.testing.assert_array_equal(env.step(-action)[0], twin.step(-action)[0])
+
+
+def _many(which, mode=AutoresetMode.NEXT_STEP, agent="pd", scale=0.3):
+    env = FlapVectorEnv(3, autoreset_mode=mode, model=synthetic_model(), **FULL, actuator_lag=0.05)
+    around = RecordEpisodeStatistics(env)  # one of Gymnasium's between, which hands no state through
+    return VectorTargetAngle(around) if which == 0 else VectorResidual(around, agent, scale=scale, hold=3)
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP], ids=str)
+@pytest.mark.parametrize("which", [0, 1], ids=["TargetAngle", "Residual"])
+def test_the_state_of_wrapped_vectors_survives_json_through_their_autoresets(which, mode):
+    env, twin = _many(which, mode), _many(which, mode)
+    actions = np.random.default_rng(0).uniform(-1, 1, (120, 3, 3)).astype(np.float32)
+    env.reset(seed=4)
+    # Not all at once, so that some go on in mid-episode.
+    for step, action in enumerate(actions[:40]):
+        env.step(action)
+        if step == 7:
+            env.reset(options={"reset_mask": [True, False, False]})
+    twin.reset(seed=1)
+    twin.set_state(json.loads(json.dumps(env.get_state())))
+    for action in actions[40:]:
+        for got, expected in zip(env.step(action)[:4], twin.step(action)[:4], strict=True):
+            np.testing.assert_array_equal(got, expected)
+
+
+DAMAGE = [
+    (0, "flaps", lambda state: state.pop("flaps")),
+    (0, "flaps", lambda state: state.update(flaps=[[0], [0], [0]])),
+    (0, "flaps", lambda state: state.update(flaps=(np.array(state["flaps"]) * np.nan).tolist())),
+    (1, "agent", lambda state: state.pop("agent")),
+    (1, "agent", lambda state: state.update(agent=3)),
+    (1, "agent", lambda state: state["agent"].pop("mind")),
+    (1, "agent", lambda state: state["agent"].update(mind=0.0)),
+    (1, "agent", lambda state: state["agent"].update(observation=[0.0])),
+    (1, "name 'lqg', this one has 'pd'", lambda state: state["agent"].update(name="lqg")),
+    (1, "scale 0.1, this one has 0.3", lambda state: state["agent"].update(scale=0.1)),
+    (1, "hold 1, this one has", lambda state: state["agent"].update(hold=1)),
+]
+
+
+@pytest.mark.parametrize("many", [False, True])
+@pytest.mark.parametrize("which, named, damage", DAMAGE)
+def test_a_damaged_state_or_another_agents_is_refused_and_changes_nothing(
+    model_file, which, named, damage, many
+):
+    env, giver = (_many(which) if many else _wrapped(model_file)[which] for _ in range(2))
+    for seed, one in enumerate((env, giver)):
+        one.reset(seed=seed)
+        one.step(np.full(one.action_space.shape, 0.3))
+    before, state = env.get_state(), giver.get_state()
+    damage(state)
+    with pytest.raises(ValueError, match=f"^state: .*{named}"):
+        env.set_state(state)
+    with pytest.raises(ValueError, match="^state: "):
+        env.set_state(giver.unwrapped.get_state())
+    assert env.get_state() == before
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_what_a_caller_does_to_an_observation_does_not_reach_the_agent(model_file, many):
+    env, twin = (_many(1) if many else _wrapped(model_file)[1] for _ in range(2))
+    env.reset(seed=8)[0][:] = 99.0
+    twin.reset(seed=8)
+    action = np.zeros(env.action_space.shape)
+    for _ in range(3):
+        got, expected = env.step(action), twin.step(action)
+        np.testing.assert_array_equal(got[4]["agent_action"], expected[4]["agent_action"])
+        got[0][:] = 99.0
+
+
+@pytest.mark.parametrize("many", [False, True])
+@pytest.mark.parametrize("which", [0, 1], ids=["TargetAngle", "Residual"])
+def test_a_step_before_the_first_reset_is_refused(model_file, which, many):
+    env = _many(which) if many else _wrapped(model_file)[which]
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset first"):
+        env.step(np.zeros(env.action_space.shape))
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["TargetAngle", "Residual"])
+def test_vector_wrappers_take_the_masks_their_environment_takes(which):
+    env, twin = _many(which), _many(which)
+    for one, masks in ((env, [[True, False, True], None]), (twin, [np.array([True, False, True]), None])):
+        one.reset(seed=3)
+        one.step(np.ones((3, 3)))
+        for mask in masks:
+            one.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(env.step(np.ones((3, 3)))[0], twin.step(np.ones((3, 3)))[0])
+    before = env.get_state()
+    with pytest.raises(ValueError, match="reset_mask"):
+        env.reset(options={"reset_mask": [True]})
+    assert env.get_state() == before
 
 
 def test_no_correction_leaves_the_agent_alone():

@@ -18,6 +18,7 @@ from flapgym.envs.observation import DISPLACEMENTS, bound_of, task_of
 from flapgym.envs.settings import Settings
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.delayed import DelayedPlant
+from flapgym.plant.kernel import fingerprint
 from flapgym.plant.states import checked_state, checked_whole
 from flapgym.reduction import output_rms
 from flapgym.state_space import Array, series
@@ -98,6 +99,9 @@ class Fleet:
         self.intensity = settings.intensities(count)
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
+        self._gust_digest = (
+            None if self._gust is None else fingerprint([self._gust.wind], [self._gust.before])[:16]
+        )
         self.plant = make_plant(self.model, count, self.setup, self.task)
         bound = bound_of(self.task)
         self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
@@ -197,14 +201,30 @@ class Fleet:
                 )
         return {name: read_entry(state, name, reader) for name, reader in readers.items()}
 
-    def go_on(self, episodes: Sequence[Episode | None]) -> None:
-        """Go on from the turbines of a state that was read, bit for bit."""
+    def go_on(self, episodes: Sequence[Episode | None]) -> list[tuple[Info | None, int]]:
+        """Go on from the turbines of a state that was read, bit for bit.
+
+        Returns
+        -------
+        list of (dict or None, int)
+            Of each turbine what a picture can show before the next step, flap angles and azimuth, and the actions since
+            its reset.
+        """
+        instants: list[tuple[Info | None, int]] = [(None, 0)] * self.count
         for turbine, episode in enumerate(episodes):
             self._origins[turbine] = None if episode is None else episode.origin
-            if episode is not None:
-                which, generator = np.array([turbine]), generator_of(episode.origin["generator"])
-                self.plant.reset(which, self._start(which, [generator], [episode.origin]))
-                self.plant.set_state(turbine, episode.plant)
+            if episode is None:
+                continue
+            which, generator = np.array([turbine]), generator_of(episode.origin["generator"])
+            start = self._start(which, [generator], [episode.origin])
+            self.plant.reset(which, start)
+            self.plant.set_state(turbine, episode.plant)
+            elapsed = episode.plant["elapsed"]
+            now: Info = {"flap_angle": episode.plant["flaps"][0]}
+            if self.setup.blades == BLADES:
+                now["azimuth"] = float(start.azimuth[0] + self.model.rotor_speed * self.action_time * elapsed)
+            instants[turbine] = now, elapsed
+        return instants
 
     def _turbines(self) -> list[dict[str, Any] | None]:
         return [
@@ -240,12 +260,14 @@ class Fleet:
         settings = {
             field.name: getattr(self.settings, field.name)
             for field in dataclasses.fields(self.settings)
-            if field.name not in ("model", "kernel")
+            if field.name not in ("model", "kernel", "gust")
         }
         return {
             "model": self.plant.fingerprint,
             "kernel": type(self.plant.plant if isinstance(self.plant, DelayedPlant) else self.plant).__name__,
             "num_envs": self.count,
+            # The wind itself: a recording may have changed under its name, or have another.
+            "gust": self._gust_digest,
             # Through JSON, so that a tuple equals the list it becomes there.
             **json.loads(json.dumps(settings, default=_plain)),
         }

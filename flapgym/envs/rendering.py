@@ -52,27 +52,50 @@ class Screen:
     """
 
     def __init__(self, model: TurbineModel, mode: str, period: float) -> None:
-        try:
-            import pygame
-        except ImportError as error:
-            raise DependencyNotInstalled('rendering needs pygame: pip install "flapgym[render]"') from error
-        self._pygame: Any = pygame
         self._model, self._mode, self._period = model, mode, period
         self._every = max(1, round(FRAME / period))
         self._history: deque[dict[str, Any]] = deque(maxlen=int(SPAN / (self._every * period)) + 1)
         self._now: dict[str, Any] | None = None
         self._elapsed = 0
+        self._open()
+
+    def _open(self) -> None:
+        try:
+            import pygame
+        except ImportError as error:
+            raise DependencyNotInstalled('rendering needs pygame: pip install "flapgym[render]"') from error
+        self._pygame: Any = pygame
         pygame.font.init()
         self._fonts = {size: pygame.font.Font(None, size) for size in (16, 20)}
         self._canvas = pygame.Surface((WIDTH, HEIGHT))
         self._window: Any = None
         self._clock: Any = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy draws on a canvas of its own; a window stays with the original."""
+        here = ("_pygame", "_fonts", "_canvas", "_window", "_clock")
+        return {name: value for name, value in self.__dict__.items() if name not in here}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._open()
+
     def clear(self) -> None:
         """Forget the traces: a new episode begins."""
+        self.resume(None, -1)
+
+    def resume(self, now: dict[str, Any] | None, elapsed: int) -> None:
+        """Forget the traces and go on from an instant, of which flap angles and azimuth are enough.
+
+        Parameters
+        ----------
+        now : dict or None
+            Entries of an environment's `info`; None where there is nothing to show.
+        elapsed : int
+            Frames since the episode's start.
+        """
         self._history.clear()
-        self._now = None
-        self._elapsed = -1
+        self._now, self._elapsed = now, elapsed
 
     def record(self, info: dict[str, Any]) -> None:
         """Add one instant, an environment's `info`."""
@@ -121,16 +144,23 @@ class Screen:
         self._text(f"t {self._elapsed * self._period:6.2f} s", (20, 430), 20)
         if "azimuth" in now:
             self._text(f"azimuth {round(np.rad2deg(now['azimuth'])) % 360:5d} deg", (120, 430), 20)
-        self._text(f"wind {self._model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
+        if "wind_perturbation" in now:
+            self._text(f"wind {self._model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
         for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
             self._text(f"flap {blade + 1}  {np.rad2deg(angle):+5.1f} deg", (20 + 92 * blade, 405), 16, colour)
         rbm = np.array([entry["rbm"] for entry in self._history]) * 1e-6
         flap = np.rad2deg([entry["flap_angle"] for entry in self._history])
         wind = np.array([[entry["wind_perturbation"]] for entry in self._history])
-        reach = max(3.0 * self._model.rbm_rms * 1e-6, float(np.abs(rbm).max()))
+        reach = max(3.0 * self._model.rbm_rms * 1e-6, float(np.abs(rbm).max(initial=0.0)))
         self._trace((345, 30), "root bending moment [MN m]", rbm, reach, BLADE_COLOURS)
         self._trace((345, 180), "flap angle [deg]", flap, 1.15 * float(limit), BLADE_COLOURS)
-        self._trace((345, 330), "wind perturbation [m/s]", wind, max(4.0, float(np.abs(wind).max())), (WIND,))
+        self._trace(
+            (345, 330),
+            "wind perturbation [m/s]",
+            wind,
+            max(4.0, float(np.abs(wind).max(initial=0.0))),
+            (WIND,),
+        )
         for seconds in range(0, int(SPAN) + 1, 5):
             self._text(f"{seconds - SPAN:.0f}", (338 + 14 * seconds, 445), 16, WIND)
         self._text("time [s]", (464, 460), 16, WIND)

@@ -266,7 +266,11 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         )
         if own["running"] and own["turbines"] == [None]:
             raise ValueError("state: running: damaged (no episode has begun); take it from get_state")
-        self._fleet.go_on(own["turbines"])
+        ((now, elapsed),) = self._fleet.go_on(own["turbines"])
+        if self._screen is not None:
+            self._screen.resume(now, elapsed)
+            if self.render_mode == "human":
+                self._screen.display()
         self._running = own["running"]
         self._np_random, self._np_random_seed = own["generator"], own["seed"]
 

@@ -188,7 +188,9 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             for started, episode in zip(own["started"], own["turbines"], strict=True)
         ):
             raise ValueError("state: started: damaged (no episode has begun); take it from get_state")
-        self._fleet.go_on(own["turbines"])
+        instants = self._fleet.go_on(own["turbines"])
+        for screen, (now, elapsed) in zip(self._screens, instants, strict=False):
+            screen.resume(now, elapsed)
         self._generators, self._seeds = own["generators"], own["seeds"]
         self._ended, self._started = np.array(own["ended"]), np.array(own["started"])
         self._observation = own["observation"]

@@ -241,6 +241,29 @@ def test_a_state_of_late_moments_survives_json():
         np.testing.assert_array_equal(env.step(action)[0], twin.step(action)[0])
 
 
+def test_a_state_belongs_to_a_wind_whatever_it_is_called(tmp_path):
+    first, second = tmp_path / "first.csv", tmp_path / "second.csv"
+    for path in (first, second):
+        path.write_text("time [s], wind [m/s]\n0, 11\n30, 12\n")
+    env, same = (_env(gust={"kind": "recorded", "file": str(path)}) for path in (first, second))
+    first.write_text("time [s], wind [m/s]\n0, 11\n30, 30\n")
+    changed = _env(gust={"kind": "recorded", "file": str(first)})
+    for one in (env, same, changed):
+        one.reset(seed=1)
+    same.set_state(env.get_state())
+    np.testing.assert_array_equal(same.step(np.zeros(3))[0], env.step(np.zeros(3))[0])
+    before = changed.get_state()
+    with pytest.raises(ValueError, match="made by an environment with gust"):
+        changed.set_state(env.get_state())
+    assert changed.get_state() == before
+    short, long = (
+        _env(gust={"kind": "step", "size": 1}),
+        _env(gust={"kind": "step", "size": 1.0, "start": 0.0}),
+    )
+    short.reset(seed=1)
+    long.set_state(short.get_state())
+
+
 def test_every_keyword_stands_in_the_manual():
     manual = FlapEnv.__doc__ or ""
     arguments = manual[manual.index("## Arguments") : manual.index("## Gusts")]

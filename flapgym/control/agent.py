@@ -34,6 +34,10 @@ class Agent(Protocol):
         Plant steps for which it holds an action.
     model_hash : str or None
         Hash of the model it was made for; None if it fits any.
+
+    Notes
+    -----
+    One with a true `per_blade` treats each blade alone, so it can act on a single one.
     """
 
     @property
@@ -66,6 +70,7 @@ class OpenLoop:
     observe: tuple[str, ...] = ("rbm",)
     steps_per_action = 10  # doing nothing is the same at any interval, and quicker at a long one
     model_hash: str | None = None
+    per_blade = True
 
     def predict(
         self,

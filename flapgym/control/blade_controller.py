@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,7 @@ class BladeController:
     model_hash: str | None = None
     observe: tuple[str, ...] = field(default=CONTROLLER_INPUTS, init=False)
     steps_per_action: int = field(default=1, init=False)
+    per_blade: ClassVar[bool] = True
     _step: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -72,6 +72,7 @@ class PredictiveController:
 
     observe: tuple[str, ...] = CONTROLLER_INPUTS
     steps_per_action = 1
+    per_blade = True
 
     def __init__(
         self,

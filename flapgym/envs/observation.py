@@ -47,6 +47,10 @@ class Quantity:
         """Whether there is one entry a blade."""
         return self.size == BLADES
 
+    def seen(self, blades: int) -> tuple[int, ...]:
+        """The columns for a turbine of three blades, or for the single blade."""
+        return self.columns[: blades if self.per_blade else None]
+
 
 def _blades(first: int) -> tuple[int, ...]:
     return first, first + 1, first + 2
@@ -93,6 +97,8 @@ QUANTITIES: dict[str, Quantity] = {
     "wind": Quantity((layout.WIND,), "m/s", "wind perturbation along the shaft", lambda model: 50.0),
 }
 """Everything observable. Perturbations about the steady equilibrium, except flap and azimuth."""
+TURBINE_ONLY = frozenset(("azimuth", "tower_top"))
+"""Those a single blade does not have."""
 DISPLACEMENTS = frozenset(("tip_deflection", "tower_top"))
 """Those a plant gives only if its setup asks for displacements."""
 
@@ -123,7 +129,7 @@ def task_of(
     noisy: list[int] = []
     for name in observe:
         quantity = QUANTITIES[name]
-        seen = quantity.columns[: blades if quantity.per_blade else None]
+        seen = quantity.seen(blades)
         columns += seen
         factors += [quantity.factor] * len(seen)
         bounds += [quantity.bound(model)] * len(seen)

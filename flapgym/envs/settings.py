@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel, load_model
-from flapgym.envs.observation import QUANTITIES
+from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
 from flapgym.turbulence import gust_of
 
@@ -125,7 +125,7 @@ class Settings:
     def check_single_blade(self) -> None:
         """Refuse what only a whole turbine has."""
         for name in self.observe:
-            if name in ("azimuth", "tower_top"):
+            if name in TURBINE_ONLY:
                 raise ValueError(f"observe: a single blade has no {name}; leave it out")
         if self.tower_weight:
             raise ValueError(f"tower_weight: expected 0 for a single blade, got {self.tower_weight!r}")

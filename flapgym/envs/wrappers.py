@@ -8,6 +8,7 @@ The same for the vector environment stands in `flapgym.envs.vector_wrappers`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,9 +18,11 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.control import Agent, load_agent
+from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.control import load_agent
+from flapgym.control.agent import Agent, Floats
 from flapgym.envs.fleet import read_entry
-from flapgym.envs.observation import QUANTITIES
+from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.envs.servo import Servo
 from flapgym.plant.states import checked_numbers
 from flapgym.state_space import Array
@@ -91,7 +94,7 @@ class Residual(
 
     The agent reads its own observations out of the environment's and begins afresh with every episode. It acts at its
     own interval; the correction may be held for several of them, over which the reward is the mean. `info` adds
-    `agent_action`, the agent's part of the last action.
+    `agent_action`, the agent's part of the last action. On a single blade acts an agent that treats each blade alone.
 
     Parameters
     ----------
@@ -166,7 +169,12 @@ class Residual(
 
 def identity(agent: Agent, scale: float, hold: int) -> dict[str, Any]:
     """What two corrected agents must share for a state of one to mean the same to the other."""
-    return {"name": agent.name, "model_hash": agent.model_hash, "scale": scale, "hold": hold}
+    return {
+        "name": agent.name,
+        "model_hash": getattr(agent, "model_hash", None),
+        "scale": scale,
+        "hold": hold,
+    }
 
 
 def check_agent(state: Mapping[str, Any], own: Mapping[str, Any]) -> None:
@@ -226,15 +234,31 @@ def fitted_agent(agent: str | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]
     Raises
     ------
     ValueError
-        If the environment does not observe what the agent needs, or holds actions for another time.
+        If the environment does not observe what the agent needs, holds actions for another time, or is a single blade
+        and the agent needs a turbine.
+    TypeError
+        If it is no agent.
     """
     model, settings = flap_model(base), base.settings
-    agent = load_agent(agent, model) if isinstance(agent, str) else agent
+    agent = load_agent(agent, model) if isinstance(agent, (str, os.PathLike)) else agent
+    lacking = [
+        part for part in ("name", "observe", "steps_per_action", "predict") if not hasattr(agent, part)
+    ]
+    if lacking:
+        raise TypeError(
+            "agent: expected a shipped agent's name, the path of an agent's .json file, or an agent "
+            f"(flapgym.control.Agent), got {type(agent).__name__}, which has no {lacking[0]}"
+        )
     first, places = 0, {}
     for name in settings.observe:
-        places[name] = range(first, first + QUANTITIES[name].size)
-        first += QUANTITIES[name].size
+        size = len(QUANTITIES[name].seen(1 if base.single_blade else BLADES))
+        places[name] = range(first, first + size)
+        first += size
     missing = [name for name in agent.observe if name not in places]
+    if missing and base.single_blade and missing[0] in TURBINE_ONLY:
+        raise ValueError(
+            f"agent {agent.name} observes {missing[0]}, which a single blade does not have: it needs a turbine"
+        )
     if missing:
         raise ValueError(
             f"agent {agent.name} observes {missing[0]}, which the environment does not: make it with "
@@ -245,7 +269,52 @@ def fitted_agent(agent: str | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]
             f"agent {agent.name} holds an action for {agent.steps_per_action} plant steps, the environment for "
             f"{settings.steps_per_action}: make it with steps_per_action={agent.steps_per_action}"
         )
-    return agent, np.array([index for name in agent.observe for index in places[name]])
+    columns = np.array([index for name in agent.observe for index in places[name]])
+    if base.single_blade:
+        agent = OneBlade(agent) if getattr(agent, "per_blade", False) else agent
+        _check_one_blade(agent, columns.size)
+    return agent, columns
+
+
+class OneBlade:
+    """An agent that treats each blade alone, on one blade: it is shown three alike, and the first is taken.
+
+    Parameters
+    ----------
+    agent : Agent
+    """
+
+    def __init__(self, agent: Agent) -> None:
+        self.name, self.observe, self.steps_per_action = agent.name, agent.observe, agent.steps_per_action
+        self.model_hash = getattr(agent, "model_hash", None)
+        self._agent = agent
+
+    def predict(
+        self,
+        observation: Floats,
+        state: Array | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Array | None]:
+        """Action (..., 1) for an observation (..., n), and the state to hand back next time."""
+        alike = np.repeat(observation, BLADES, axis=-1)
+        action, state = self._agent.predict(alike, state, episode_start, deterministic)
+        return action[..., :1], state
+
+
+def _check_one_blade(agent: Agent, size: int) -> None:
+    """Refuse an agent that cannot act on one blade's observations; trying tells, also of agents not our own."""
+    try:
+        action, _ = agent.predict(np.zeros(size, dtype=np.float32), None)
+    except (ValueError, TypeError, IndexError) as error:
+        found = str(error)
+    else:
+        if np.shape(action) == (1,):
+            return
+        found = f"it gives actions of shape {np.shape(action)}"
+    raise ValueError(
+        f"agent {agent.name} cannot act on a single blade: {found}; take one that treats each blade alone, such as lqg"
+    )
 
 
 def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> Array:

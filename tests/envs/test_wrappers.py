@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import gymnasium
@@ -15,8 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
+from flapgym.aeroelastic import load_model
 from flapgym.control import load_agent
 from flapgym.envs import FlapEnv, FlapVectorEnv
+from flapgym.envs.blade import BladeEnv, BladeVectorEnv
 from flapgym.envs.sb3 import FlapVecEnv
 from flapgym.envs.servo import Servo
 from flapgym.envs.vector_wrappers import VectorResidual, VectorTargetAngle
@@ -276,6 +279,71 @@ def test_a_bad_action_is_refused_and_leaves_the_state_untouched(model_file, whic
         env.step(action)
     following = np.array([0.1, 0.2, 0.3], dtype=np.float32)
     np.testing.assert_array_equal(env.step(following)[0], twin.step(following)[0])
+
+
+@pytest.mark.parametrize("name", ["open_loop", "pd", "pid", "lqg", "lqg_saturating", "ppo", "sac"])
+def test_agents_that_treat_each_blade_alone_act_on_one_as_on_each_of_three(name):
+    model = load_model()
+    agent = load_agent(name, model)
+    keywords = {"model": model, "observe": agent.observe, "steps_per_action": agent.steps_per_action}
+    env = Residual(BladeEnv(**keywords), name)
+    many = VectorResidual(BladeVectorEnv(2, **keywords), agent)
+    observation, _ = env.reset(seed=5)
+    many.reset(seed=5)
+    state = None
+    for _ in range(10):
+        expected, state = agent.predict(np.repeat(observation, 3), state)
+        observation, _, _, _, info = env.step(np.zeros(1))
+        np.testing.assert_allclose(info["agent_action"], expected[:1], rtol=1e-6)
+        together = many.step(np.zeros((2, 1)))[4]["agent_action"]
+        np.testing.assert_allclose(together[0], expected[:1], rtol=1e-5, atol=1e-6)
+
+
+class _Known:
+    """An agent of somebody else's."""
+
+    name, observe, steps_per_action = "known", ("rbm",), 5
+
+    def __init__(self, size):
+        self.size = size
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        return np.zeros(self.size, dtype=np.float32), None
+
+
+@pytest.mark.parametrize("vector", [False, True])
+def test_agents_that_need_three_blades_are_refused_for_one(vector):
+    cls, wrap = (BladeVectorEnv, VectorResidual) if vector else (BladeEnv, Residual)
+
+    def env(steps, *observe):
+        return cls(model=load_model(), observe=observe, steps_per_action=steps)
+
+    motion = ("rbm", "flap_angle", "flap_rate")
+    for name in ("individual_flap", "lqg_multiblade_saturating"):
+        with pytest.raises(ValueError, match=f"agent {name} observes azimuth, which a single blade does not"):
+            wrap(env(1, *motion), name)
+    shared = load_agent("ppo", load_model())
+    of_three = dataclasses.replace(
+        shared,
+        name="of_three",
+        per_blade=False,
+        offset=np.tile(shared.offset, 3),
+        scale=np.tile(shared.scale, 3),
+        weights=(np.zeros((3, 9)),),
+        biases=(np.zeros(3),),
+    )
+    with pytest.raises(ValueError, match="agent of_three cannot act on a single blade: .*expected 9"):
+        wrap(env(shared.steps_per_action, *shared.observe), of_three)
+    with pytest.raises(ValueError, match="agent known cannot act on a single blade: .*shape \\(3,\\)"):
+        wrap(env(5, "rbm"), _Known(3))
+    wrap(env(5, "rbm"), _Known(1))
+
+
+def test_what_is_no_agent_is_refused():
+    with pytest.raises(
+        TypeError, match="agent: expected a shipped agent's name, .* got object, which has no name"
+    ):
+        Residual(FlapEnv(model=synthetic_model()), object())
 
 
 def test_what_does_not_fit_is_refused_with_what_to_write_instead():

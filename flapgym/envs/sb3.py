@@ -13,11 +13,17 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.envs.fleet import numbers
 from flapgym.envs.observation import QUANTITIES
 from flapgym.envs.vector import FlapVectorEnv
+from flapgym.state_space import Array
+
+try:
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnv
+except ImportError as error:
+    raise ImportError('flapgym.envs.sb3 needs Stable-Baselines3: pip install "flapgym[train]"') from error
 
 
 class FlapVecEnv(VecEnv):
@@ -35,7 +41,8 @@ class FlapVecEnv(VecEnv):
     Notes
     -----
     The infos are empty but at an episode's end, when they hold `terminal_observation` and `TimeLimit.truncated`;
-    wrap in `VecMonitor` for episode statistics.
+    wrap in `VecMonitor` for episode statistics. `render` tiles the pictures of the turbines if the environment was made
+    with `render_mode="rgb_array"`.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, Any], per_blade: bool = False) -> None:
@@ -60,8 +67,9 @@ class FlapVecEnv(VecEnv):
             bound = space.high.reshape(-1, BLADES)[:, 0]
             space = spaces.Box(-bound, bound, dtype=np.float32)
             actions = spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
-        self._actions: NDArray[np.float32] | None = None
+        self._actions: NDArray[np.float32] | Array | None = None
         super().__init__(env.num_envs * (BLADES if per_blade else 1), space, actions)
+        self.metadata |= {"render_fps": base.metadata["render_fps"]}
 
     def reset(self) -> NDArray[np.float32]:
         """First observations; seeds given to `seed` are used once."""
@@ -75,8 +83,8 @@ class FlapVecEnv(VecEnv):
         return self._rows(observation)
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Keep the actions for `step_wait`."""
-        self._actions = actions
+        """Keep the actions (num_envs, ...) for `step_wait`."""
+        self._actions = numbers(actions, (self.num_envs, *(self.action_space.shape or ())))
 
     def step_wait(
         self,
@@ -100,6 +108,10 @@ class FlapVecEnv(VecEnv):
                 }
         done = np.repeat(ended, BLADES) if self.per_blade else ended
         return self._rows(observation), reward.astype(np.float32), done, infos
+
+    def get_images(self) -> list[NDArray[np.uint8]]:
+        """Pictures (height, width, 3) of the turbines, also where each blade is an environment."""
+        return list(self.env.render() or ())
 
     def close(self) -> None:
         """Close the environment behind."""

@@ -95,7 +95,8 @@ def _prepared(wanted: _Wanted) -> Constants:
         core=np.ascontiguousarray(np.concatenate([core.real, -core.imag]).reshape(-1, core.shape[2]).T),
         left=np.ascontiguousarray(part.left.T),
         forcing=np.vstack([part.forcing.real, -part.forcing.imag]),
-        root=np.asarray((modal.expand @ (root[0::2] + 1j * root[1::2])).real),
+        # Contiguous, as it is in a copy of the plant: in strides a product differs in its last bit.
+        root=np.ascontiguousarray((modal.expand @ (root[0::2] + 1j * root[1::2])).real),
         shaping=von_karman_filter(
             model.wind_speed, model.turbulence_intensity, wanted.length_scale, model.time_step
         ),

@@ -77,8 +77,10 @@ def test_a_copy_goes_on_as_the_original(name, copied):
     list(_rollout(env, 4))
     twin = copied(env)
     action = env.action_space.sample()
-    for _ in range(10):
-        assert data_equivalence(env.step(action), twin.step(action), exact=True)
+    for _ in range(2):  # into the next episode
+        for _ in range(10):
+            assert data_equivalence(env.step(action), twin.step(action), exact=True)
+        assert data_equivalence(env.reset(), twin.reset(), exact=True)
 
 
 @every_id

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 MARGIN = 1.3
 """Flutter below this many times the operating speed is worth a warning."""
@@ -63,7 +62,7 @@ class Record:
         Of the rotating blade; None if it was not looked for.
     """
 
-    tools: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    tools: Mapping[str, str] = field(default_factory=dict)
     readings: tuple[str, ...] = ()
-    errors: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    errors: Mapping[str, float] = field(default_factory=dict)
     flutter: Flutter | None = None

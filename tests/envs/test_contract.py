@@ -18,6 +18,7 @@ from hypothesis.extra.numpy import arrays
 
 import flapgym
 from flapgym.envs.observation import QUANTITIES
+from tests.synthetic import synthetic_model
 
 ID = "flapgym/NREL5MW-v0"
 EVERYTHING = tuple(QUANTITIES)
@@ -287,8 +288,6 @@ def test_a_bad_action_is_refused_and_leaves_the_state_untouched(model_file, acti
     st.sampled_from([1, 5, 10]),
 )
 def test_no_actions_push_a_flap_past_its_stops(actions, steps_per_action):
-    from tests.synthetic import synthetic_model
-
     env = flapgym.envs.FlapEnv(
         model=synthetic_model(), steps_per_action=steps_per_action, record_samples=True
     )
@@ -318,3 +317,12 @@ def test_a_refused_reset_changes_neither_the_episode_nor_the_seed(model_file, op
         with pytest.raises(ValueError, match="^options"):
             env.reset(seed=9, options=options)
         assert env.get_state() == before
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"]
+)
+def test_an_environment_of_a_model_that_no_file_holds_can_be_copied(copied):
+    env = flapgym.envs.FlapEnv(model=synthetic_model())
+    env.reset(seed=0)
+    np.testing.assert_array_equal(copied(env).step(np.ones(3))[0], env.step(np.ones(3))[0])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -128,6 +129,7 @@ class PeriodicPlant(SampledPlant):
         super().__init__(model, count, setup, task)
         if model.periodic is None or setup.single_blade:
             raise ValueError("periodic plant: expected a whole turbine whose blades differ")
+        import_module("scipy.signal")  # half a second, which no reset should wait for
         self._order = model.turbine.order
         self._constants = _prepared(_Wanted(self.fingerprint, setup.length_scale, model))
         self._effectiveness = np.array(setup.faults.effectiveness)
@@ -279,7 +281,7 @@ def steady_motion(mean: StateSpace, periodic: PeriodicPart, turn: float) -> NDAr
 
 def filtered(shaping: StateSpace, first: Array, white: Array) -> Array:
     """Wind (m, T) of a diagonal filter from its first states (m, n or more) and white noise (m, T)."""
-    from scipy.signal import lfilter  # half a second to import, and turbines of equal blades do without
+    from scipy.signal import lfilter  # turbines of equal blades do without
 
     wind = shaping.D[0, 0] * white
     for mode, decay in enumerate(np.diag(shaping.A)):

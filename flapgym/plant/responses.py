@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import weakref
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.plant.disturbance import wind_response
-from flapgym.plant.interface import GivenWind, Setup, Start
+from flapgym.plant.interface import FloatArray, GivenWind, Setup, Start
 from flapgym.plant.kernel import Kernel
 from flapgym.plant.layout import OUTPUTS
 from flapgym.state_space import Array
@@ -33,6 +34,10 @@ class Pool:
         self.rows = np.zeros((size, intervals, kernel.rows.count), dtype=precision)
         self._kernel, self._intervals = kernel, intervals
         self._known = np.zeros(size, dtype=bool)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Pool:
+        """Copies of a plant share it: what it holds is the same for all."""
+        return self
 
     def fill(self, wanted: NDArray[np.int64]) -> None:
         """Make sure that these realisations are there."""
@@ -62,6 +67,22 @@ def shared_pool(kernel: Kernel, intervals: int, size: int, precision: str) -> Po
     return pool
 
 
+@lru_cache(maxsize=4)
+def gust_response(kernel: Kernel, wind: bytes, before: float) -> tuple[Array, Array]:
+    """Outputs (9,) at sample 0 and rows (intervals, count) under a given wind, computed once for all plants.
+
+    Parameters
+    ----------
+    kernel : Kernel
+    wind : bytes
+        Of the samples (T + 1,) float64 [m/s]: what it is counts, not where it came from.
+    before : float
+        [m/s].
+    """
+    outputs = wind_response(kernel.wind, np.frombuffer(wind), before)
+    return outputs[0], kernel.packed(outputs[1:])
+
+
 class Responses:
     """What the wind does to n turbines over an episode.
 
@@ -78,14 +99,16 @@ class Responses:
     def __init__(self, kernel: Kernel, count: int, setup: Setup, reference_intensity: float) -> None:
         self._kernel, self._setup, self._reference = kernel, setup, reference_intensity
         self._pool = shared_pool(kernel, setup.intervals, setup.pool, setup.precision) if setup.pool else None
-        self.rows = (
-            np.zeros((count, setup.intervals, kernel.rows.count), dtype=setup.precision)
-            if self._pool is None
-            else self._pool.rows
-        )
+        places = count if self._pool is None else 0
+        self._own_rows = np.zeros((places, setup.intervals, kernel.rows.count), dtype=setup.precision)
         self.place = np.arange(count) if self._pool is None else np.zeros(count, dtype=np.int64)
         self.level = np.ones(count)
         self._gust: tuple[GivenWind, Array, Array] | None = None
+
+    @property
+    def rows(self) -> FloatArray:
+        """Where the responses are: the pool's or its own."""
+        return self._own_rows if self._pool is None else self._pool.rows
 
     def draw(self, turbines: NDArray[np.int64], start: Start) -> Array:
         """Prepare m episodes; the outputs (m, 9) at sample 0.
@@ -117,6 +140,6 @@ class Responses:
 
     def _gust_response(self, gust: GivenWind) -> tuple[Array, Array]:
         if self._gust is None or self._gust[0] is not gust:
-            outputs = wind_response(self._kernel.wind, gust.wind, gust.before)
-            self._gust = (gust, outputs[0], self._kernel.packed(outputs[1:]))
+            wind = np.asarray(gust.wind, dtype=float).tobytes()
+            self._gust = (gust, *gust_response(self._kernel, wind, gust.before))
         return self._gust[1:]

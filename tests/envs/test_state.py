@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import pickle
 
@@ -247,6 +248,17 @@ def test_environments_of_a_process_share_their_pool_of_realisations():
     assert len(drawn) == 3
     with pytest.raises(ValueError, match="seeds 0 to 2"):
         one.reset(options={"realisation_seed": 3})
+
+
+@pytest.mark.parametrize("kernel", ["numpy", "numba"])
+def test_a_copy_shares_the_pool_of_realisations(kernel):
+    env = FlapEnv(**_keywords("pool"), kernel=kernel)
+    env.reset(seed=0, options={"realisation_seed": 0})
+    twin = copy.deepcopy(env)
+    assert twin._plant._responses.rows is env._plant._responses.rows
+    for one in (env, twin):  # a realisation that neither had when it was copied
+        one.reset(seed=1, options={"realisation_seed": 2})
+    _assert_equal(twin.step(np.ones(3)), env.step(np.ones(3)))
 
 
 def test_each_environment_has_the_intensity_given_for_it():

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import flapgym.plant.responses as responses
 from flapgym.aeroelastic import load_model
 from flapgym.aeroelastic.multiblade import to_components
 from flapgym.plant.disturbance import wind_modes, wind_response
+from flapgym.plant.interface import GivenWind
 from flapgym.plant.reference import run
 from flapgym.turbulence import gust_of
+from tests.plant.plants import KERNELS, plant_of, rest
 from tests.synthetic import synthetic_model
 
 
@@ -42,3 +45,22 @@ def test_a_wind_that_always_blew_finds_the_turbine_in_equilibrium():
         response[:, :8], np.tile(steady, (300, 1)), rtol=1e-8, atol=1e-8 * steady.max()
     )
     np.testing.assert_array_equal(response[:, 8], 1.5)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_plants_of_a_process_compute_the_response_to_a_wind_once(monkeypatch, kernel):
+    winds = []
+    monkeypatch.setattr(
+        responses,
+        "wind_response",
+        lambda modal, wind, before: winds.append(wind) or wind_response(modal, wind, before),
+    )
+    responses.gust_response.cache_clear()
+    rows = []
+    for size in (1.0, 1.0, 2.0, 1.0):
+        plant = plant_of(1, 5, 20, kernel=kernel)
+        # Of the same numbers, but another object each time.
+        rows.append(plant.reset(np.arange(1), rest(1, gust=GivenWind(np.linspace(0.0, size, 101), 0.0)))[1])
+        plant.reset(np.arange(1), rest(1, gust=GivenWind(np.linspace(0.0, size, 101), 0.0)))
+    assert [wind[-1] for wind in winds] == [1.0, 2.0]
+    np.testing.assert_array_equal(rows[0], rows[3])

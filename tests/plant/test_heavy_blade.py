@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -37,6 +40,20 @@ def test_in_still_air_the_imbalance_shakes_the_tower_sideways_once_a_revolution(
     assert 0.02 < once < 0.04  # m
     assert twice < 0.02 * once
     assert np.abs(rows[:, RBM : RBM + 3]).max() < 0.02 * heavy.rbm_rms
+
+
+def test_no_reset_waits_for_an_import():
+    code = """
+import sys
+import gymnasium
+import flapgym
+env = gymnasium.make("flapgym/NREL5MWHeavyBlade-v0")
+known = set(sys.modules)
+env.reset(seed=0)
+print(set(sys.modules) - known)
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.stdout.strip() == "set()", run.stderr
 
 
 def test_the_steady_motion_goes_on(heavy):

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -24,6 +25,7 @@ from flapgym.reduction import output_rms
 from flapgym.state_space import Array, series
 from flapgym.turbulence import von_karman_filter
 
+FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 BIT_GENERATORS = ("MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64")
 BUFFERS = {"pos": 624, "buffer_pos": 4}
 """What a generator's place in its own numbers is called, and the last one."""
@@ -354,20 +356,39 @@ def with_blade_rms(model: TurbineModel) -> TurbineModel:
 
 def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] | Array:
     """Actions as contiguous floats of the right shape, or an error that says what is wrong with them."""
-    try:
-        given = np.asarray(actions)
-        if given.dtype.kind == "c":
-            raise TypeError
-        single = given.dtype == np.float32
-        # Copied into an array of NumPy's own type: one that was pickled, as on its way to another process, has a type
-        # that equals it and is another object.
-        values: NDArray[np.float32] | Array = np.empty(given.shape, np.float32 if single else np.float64)
-        values[...] = given
-    except (TypeError, ValueError):
-        raise ValueError(f"action: expected real numbers of shape {shape}, got {actions!r}") from None
+    if actions.__class__ is np.ndarray and (actions.dtype is FLOAT32 or actions.dtype is FLOAT64):
+        values: NDArray[np.float32] | Array = actions.copy()
+    else:
+        try:
+            values = _as_floats(actions)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(
+                f"action: expected real numbers of shape {shape}, got {reprlib.repr(actions)}"
+            ) from None
     if values.shape != shape:
         raise ValueError(f"action: expected shape {shape}, got {values.shape}")
     return values
+
+
+def _as_floats(actions: ArrayLike) -> NDArray[np.float32] | Array:
+    """Whatever holds real numbers, each of them; else one of the errors above."""
+    given = np.asarray(actions)
+    if not (given.dtype.kind in "iufb" or (given.dtype.kind == "O" and _all_real(given))):
+        raise TypeError
+    if isinstance(actions, np.ma.MaskedArray) and np.ma.is_masked(actions):
+        raise TypeError
+    # Copied into an array of NumPy's own type: one that was pickled, as on its way to another process, has a type that
+    # equals it and is another object.
+    values = np.empty(given.shape, FLOAT32 if given.dtype == FLOAT32 else FLOAT64)
+    if given.dtype.itemsize > FLOAT64.itemsize:
+        with np.errstate(over="ignore"):  # what no double holds becomes infinite, which the plant refuses
+            given = given.astype(FLOAT64)
+    values[...] = given
+    return values
+
+
+def _all_real(given: NDArray[np.object_]) -> bool:
+    return all(isinstance(each, Real) for each in given.flat)
 
 
 def refusal(values: NDArray[np.float32] | Array, status: int, blades: int) -> ValueError:
@@ -518,7 +539,10 @@ def _option(options: Mapping[str, Any], name: str, shape: tuple[int, ...], limit
     if name not in options:
         return np.zeros(shape)
     try:
-        value = np.broadcast_to(np.asarray(options[name], dtype=float), shape).copy()
+        given = np.asarray(options[name])
+        if given.dtype.kind not in "iuf":
+            raise TypeError
+        value = np.broadcast_to(given, shape).astype(float)
     except (TypeError, ValueError):
         raise ValueError(
             f"options.{name}: expected numbers that fit shape {shape}, got {options[name]!r}"

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from flapgym.aeroelastic.multiblade import BLADES
 from flapgym.control import load_agent
 from flapgym.control.agent import Agent, Floats
-from flapgym.envs.fleet import read_entry
+from flapgym.envs.fleet import numbers, read_entry
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.envs.servo import Servo
 from flapgym.plant.states import checked_numbers
@@ -319,12 +319,7 @@ def _check_one_blade(agent: Agent, size: int) -> None:
 
 def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> Array:
     """An action as float; anything but finite numbers of the right shape is refused."""
-    try:
-        values = np.asarray(action, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(f"action: expected numbers of shape {shape}, got {action!r}") from None
-    if values.shape != shape:
-        raise ValueError(f"action: expected shape {shape}, got {values.shape}")
+    values = numbers(action, shape).astype(float)
     if not np.isfinite(values).all():
         raise ValueError(f"action: expected finite numbers, got {action!r}")
     return values

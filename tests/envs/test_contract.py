@@ -201,6 +201,7 @@ def test_reset_options_set_wind_azimuth_and_flaps(model_file):
         ({"azimut": 0.0}, "azimut"),
         ({"azimuth": np.nan}, "azimuth"),
         ({"azimuth": "north"}, "azimuth"),
+        ({"azimuth": "1.0"}, "azimuth"),
         ({"flap_angle": 0.3}, "flap_angle"),
         ({"flap_rate": [0.0, 0.0]}, "flap_rate"),
         ({"realisation_seed": -1}, "realisation_seed"),
@@ -266,6 +267,17 @@ BAD_ACTIONS = [
     [0.5j, 0.0, 0.0],
     np.zeros(3, dtype=complex),
     np.zeros(3, dtype=np.complex64),
+    ["1", "0", "0"],
+    b"abc",
+    np.array(["2020-01-01"] * 3, dtype="M8[s]"),
+    np.array([1, 2, 3], dtype="m8[s]"),
+    np.array([None, 0.0, 0.0], dtype=object),
+    np.array(["1", 0.0, 0.0], dtype=object),
+    np.ma.masked_array([1.0, 0.0, 0.0], [True, False, False]),
+    [10**400, 0, 0],
+    np.full(3, np.longdouble("1e400")),
+    {},
+    [{"a": 1}, 0, 0],
 ]
 
 
@@ -280,6 +292,81 @@ def test_a_bad_action_is_refused_and_leaves_the_state_untouched(model_file, acti
         got, expected = env.step([0.3, -0.2, 1.0]), twin.step([0.3, -0.2, 1.0])
         np.testing.assert_array_equal(got[0], expected[0])
         assert got[1] == expected[1]
+
+
+GOOD_ACTIONS = [
+    [0.3, -0.2, 1.0],
+    (1, 0, -1),
+    [True, False, True],
+    np.array([1, 2, -3], dtype=object),
+    np.ma.masked_array([1.0, 0.5, 0.0], [False] * 3),
+    np.full(3, np.longdouble(1e30)),
+    [1e300, -1e300, 1e308],
+    np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6], dtype=np.float32)[::2],
+]
+
+
+@pytest.mark.parametrize("action", GOOD_ACTIONS, ids=str)
+def test_whatever_holds_real_numbers_is_an_action(model_file, action):
+    env, twin = _make(model_file).unwrapped, _make(model_file).unwrapped
+    for one in (env, twin):
+        one.reset(seed=8)
+    expected = twin.step(np.clip(np.array(action, dtype=float), -1.0, 1.0).astype(np.float32))
+    np.testing.assert_allclose(env.step(action)[0], expected[0], rtol=1e-6)
+
+
+def _taken(shape):
+    return st.one_of(
+        arrays(np.float32, shape, elements=st.floats(-2.0, 2.0, width=32)),
+        arrays(np.float64, shape, elements=st.floats(-1e6, 1e6)),
+        arrays(np.int8, shape, elements=st.integers(-2, 2)).map(lambda action: action.tolist()),
+    )
+
+
+def _refused(shape):
+    def spoilt(given):
+        action, place, value = given
+        action.flat[place] = value
+        return action
+
+    size = int(np.prod(shape))
+    fine = arrays(np.float64, shape, elements=st.floats(-2.0, 2.0))
+    other = st.sampled_from([shape[:-1], (*shape[:-1], 2), (*shape, 1), (size + 1,), (0,), ()])
+    return st.one_of(
+        st.tuples(fine, st.integers(0, size - 1), st.sampled_from([np.nan, np.inf, -np.inf])).map(spoilt),
+        st.tuples(
+            arrays(object, shape, elements=st.floats(-2.0, 2.0)),
+            st.integers(0, size - 1),
+            st.sampled_from([None, "up", 1j, 10**400]),
+        ).map(spoilt),
+        other.flatmap(lambda shape: arrays(np.float32, shape, elements=st.just(0.5))),
+        st.sampled_from([complex, "U3", "M8[s]", bytes]).map(lambda dtype: np.zeros(shape, dtype=dtype)),
+        st.sampled_from([None, "full", {}, [[0.0], [0.0, 1.0]]]),
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data(), st.sampled_from([None, "NextStep", "SameStep", "Disabled"]))
+def test_bad_actions_among_good_ones_change_nothing(data, mode):
+    keywords = {"model": synthetic_model(), "measurement_noise": 1e4}
+    env, twin = (
+        flapgym.envs.FlapEnv(**keywords)
+        if mode is None
+        else flapgym.envs.FlapVectorEnv(2, autoreset_mode=mode, **keywords)
+        for _ in range(2)
+    )
+    for one in (env, twin):
+        one.reset(seed=1)
+    shape = env.action_space.shape
+    for _ in range(data.draw(st.integers(1, 12))):
+        if data.draw(st.booleans()):
+            action = data.draw(_taken(shape))
+            for got, expected in zip(env.step(action)[:4], twin.step(action)[:4], strict=True):
+                np.testing.assert_array_equal(got, expected)
+        else:
+            with pytest.raises(ValueError, match="^action: expected"):
+                env.step(data.draw(_refused(shape)))
+        assert env.get_state() == twin.get_state()
 
 
 @settings(max_examples=60, deadline=None)

@@ -23,6 +23,19 @@ REFERENCE_SPEEDS = {"I": 50.0, "II": 42.5, "III": 37.5}
 REFERENCE_INTENSITIES = {"A": 0.16, "B": 0.14, "C": 0.12}
 """I_ref of the turbulence classes (the same table)."""
 
+STRONGEST = 100.0
+"""Largest perturbation [m/s]: no wind has more, and the model is linear."""
+LIMITS = {
+    "size": (-STRONGEST, STRONGEST, "m/s"),
+    "amplitude": (-STRONGEST, STRONGEST, "m/s"),
+    "frequency": (1e-6, 50.0, "Hz"),  # the plant's samples show no more than 71 Hz
+    "duration": (1e-3, 1e6, "s"),
+    "start": (-1e12, 1e12, "s"),  # recordings may count from 1970
+    "rotor_diameter": (1.0, 1000.0, "m"),
+    "hub_height": (1.0, 1000.0, "m"),
+}
+"""Least and largest value of each number, and its unit."""
+
 
 class Gust(Protocol):
     """A wind given in advance."""
@@ -59,7 +72,7 @@ class Ramp:
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, positive=("duration",))
+        _check(self)
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s]."""
@@ -75,7 +88,7 @@ class Sinusoid:
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, positive=("frequency",))
+        _check(self)
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s]."""
@@ -108,15 +121,14 @@ class ExtremeOperatingGust:
     hub_height: float = 90.0
 
     def __post_init__(self) -> None:
-        _check(self, positive=("rotor_diameter", "hub_height"))
+        _check(self)
         for name, known in (
             ("turbine_class", REFERENCE_SPEEDS),
             ("turbulence_class", REFERENCE_INTENSITIES),
         ):
-            if getattr(self, name) not in known:
-                raise ValueError(
-                    f"gust.{name}: expected one of {', '.join(known)}, got {getattr(self, name)!r}"
-                )
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in known:
+                raise ValueError(f"gust.{name}: expected one of {', '.join(known)}, got {value!r}")
 
     def magnitude(self, mean: float) -> float:
         """V_gust [m/s] at a mean wind speed V_hub [m/s]."""
@@ -170,7 +182,14 @@ class Recorded:
                 f"{begin:g} to {end:g} s; choose another start or a shorter duration"
             )
         values = np.interp(begin + np.maximum(time, 0.0), series.time, series.wind)
-        return np.asarray(values if series.perturbation else values - mean)
+        perturbation = np.asarray(values if series.perturbation else values - mean)
+        largest = float(np.abs(perturbation).max(initial=0.0))
+        if largest > STRONGEST:
+            raise ValueError(
+                f"gust.file: {self.file}: expected perturbations within +-{STRONGEST:g} m/s, got {largest:g} "
+                "m/s; check the unit in its header"
+            )
+        return perturbation
 
 
 GUSTS: dict[str, type[Any]] = {
@@ -211,13 +230,23 @@ def gust_of(given: Any) -> Gust:
     return gust
 
 
-def _check(gust: Any, positive: tuple[str, ...] = ()) -> None:
-    """Refuse numbers that are none, or not positive where they must be."""
+def is_number(value: object) -> bool:
+    """Whether it is a finite real number, Python's or NumPy's, and no truth value."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        return False
+    return isinstance(value, int) or math.isfinite(value)  # any int is; those past a double have no float
+
+
+def _check(gust: Any) -> None:
+    """Refuse numbers that are none, or beyond what they can sensibly be."""
     for field in fields(gust):
         value = getattr(gust, field.name)
         if field.type == "str" or (value is None and field.default is None):
             continue
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        lowest, highest, unit = LIMITS[field.name]
+        if not is_number(value):
             raise ValueError(f"gust.{field.name}: expected a finite number in SI units, got {value!r}")
-        if field.name in positive and value <= 0.0:
-            raise ValueError(f"gust.{field.name}: expected a positive number, got {value!r}")
+        if not lowest <= value <= highest:
+            raise ValueError(
+                f"gust.{field.name}: expected a number from {lowest:g} to {highest:g} {unit}, got {value!r}"
+            )

@@ -77,6 +77,10 @@ def read_wind(path: str | os.PathLike[str]) -> WindSeries:
                 winds.append(sizes[1] * next(iter(values.values())))
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror}); give the path of a CSV file") from None
+    except csv.Error as error:
+        raise ValueError(
+            f"{path}, line {rows.line_num}: not a table ({error}); expected CSV that begins with {_EXAMPLE}"
+        ) from None
     except UnicodeDecodeError:
         raise ValueError(f"{path}: not a text file; expected CSV that begins with {_EXAMPLE}") from None
     if order is None or len(times) < 2:

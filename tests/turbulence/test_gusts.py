@@ -133,6 +133,26 @@ def test_a_recording_that_cannot_be_read_is_refused_by_file_and_line(tmp_path, t
         _wind({"kind": "recorded", "file": str(path)})
 
 
+def test_a_recording_in_a_wrong_unit_is_refused(tmp_path):
+    path = tmp_path / "wind.csv"
+    path.write_text("time [s], wind [m/s]\n0, 1e6\n9, 1e6\n")
+    with pytest.raises(ValueError, match="gust.file: .*wind.csv: expected perturbations within .*100 m/s"):
+        _wind({"kind": "recorded", "file": str(path)}, [0.0, 1.0])
+
+
+def test_what_is_no_table_is_refused_by_file_and_line(tmp_path):
+    path = tmp_path / "wind.csv"
+    path.write_text('time [s], wind [m/s]\n0, "1\n' + 200000 * "x")
+    with pytest.raises(ValueError, match="wind.csv, line .*: not a table .*expected CSV"):
+        _wind({"kind": "recorded", "file": str(path)})
+
+
+@pytest.mark.parametrize("number", [np.float32(1.0), np.float64(1.0), np.int64(1), 1])
+def test_numbers_of_numpy_are_numbers(number):
+    wind = gust_of({"kind": "step", "size": number}).wind(np.array([-1.0, 1.0]), MEAN)
+    np.testing.assert_array_equal(wind, [0.0, 1.0])
+
+
 def test_a_missing_recording_is_refused():
     with pytest.raises(ValueError, match="nowhere.csv: cannot be read"):
         _wind({"kind": "recorded", "file": "nowhere.csv"})
@@ -148,14 +168,24 @@ def test_a_missing_recording_is_refused():
         ({"kind": "step", "size": 1.0, "end": 2.0}, "gust.end: a step has no such entry"),
         ({"kind": "step", "size": "1 m/s"}, "gust.size: expected a finite number"),
         ({"kind": "step", "size": float("nan")}, "gust.size"),
-        ({"kind": "ramp", "size": 1.0, "duration": 0.0}, "gust.duration: expected a positive"),
-        ({"kind": "sinusoid", "amplitude": 1.0, "frequency": -1.0}, "gust.frequency: expected a positive"),
+        ({"kind": "ramp", "size": 1.0, "duration": 0.0}, "gust.duration: expected a number from 0.001"),
+        (
+            {"kind": "sinusoid", "amplitude": 1.0, "frequency": -1.0},
+            "gust.frequency: .* to 50 Hz",
+        ),
         (
             {"kind": "extreme_operating_gust", "turbulence_class": "D"},
             "gust.turbulence_class: expected one of A, B, C",
         ),
         ({"kind": "extreme_operating_gust", "turbine_class": 1}, "gust.turbine_class"),
         ({"kind": "recorded", "file": 3}, "gust.file"),
+        ({"kind": "extreme_operating_gust", "turbulence_class": ["A"]}, "gust.turbulence_class"),
+        ({"kind": "step", "size": 1e308}, "gust.size: expected a number from -100 to 100 m/s"),
+        ({"kind": "step", "size": 10**400}, "gust.size"),
+        ({"kind": "step", "size": np.complex64(1)}, "gust.size"),
+        ({"kind": "sinusoid", "amplitude": -1e9, "frequency": 1.0}, "gust.amplitude"),
+        ({"kind": "sinusoid", "amplitude": 1.0, "frequency": 1e308}, "gust.frequency"),
+        ({"kind": "ramp", "size": 1.0, "duration": 1e-308}, "gust.duration"),
     ],
 )
 def test_an_impossible_gust_is_refused_by_name(spec, message):

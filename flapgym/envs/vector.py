@@ -48,7 +48,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     autoreset_mode : AutoresetMode or str
         `NEXT_STEP` (default): the step after an episode's end ignores the action and returns the first observation of
         the next. `SAME_STEP`: the ending step returns it, and `info["final_obs"]` and `info["final_info"]` keep the
-        last. `DISABLED`: call `reset(options={"reset_mask": mask})`.
+        last. `DISABLED`: call `reset(options={"reset_mask": mask})`. A spec goes to JSON with the string ("NextStep",
+        "SameStep", "Disabled") alone.
     render_mode : str, optional
         `"rgb_array"`: `render` gives a tuple of pictures, one a turbine. A window is `FlapEnv`'s alone.
     **keywords
@@ -64,8 +65,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         render_mode: str | None = None,
         **keywords: Any,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs: expected at least one, got {num_envs}")
+        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
+            raise ValueError(f"num_envs: expected a whole number of at least 1, got {num_envs!r}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(
                 f'render_mode: expected None or "rgb_array", got {render_mode!r}; a window shows a FlapEnv'
@@ -73,7 +74,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         modes = [mode.value for mode in AutoresetMode]
         if autoreset_mode not in (*AutoresetMode, *modes):
             raise ValueError(f"autoreset_mode: expected one of {', '.join(modes)}, got {autoreset_mode!r}")
-        self.num_envs = num_envs
+        self.num_envs = int(num_envs)
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.settings = Settings.of(keywords)
@@ -102,10 +103,18 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         """The turbine model behind the environments."""
         return self._fleet.model
 
-    @property  # type: ignore[misc]
-    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+    @property  # type: ignore[override]
+    def np_random(self) -> tuple[np.random.Generator, ...]:
         """One generator per environment."""
         return tuple(self._seeded(None))
+
+    @np_random.setter  # type: ignore[override]
+    def np_random(self, generators: Sequence[np.random.Generator]) -> None:
+        if len(generators) != self.num_envs or not all(
+            isinstance(each, np.random.Generator) for each in generators
+        ):
+            raise ValueError(f"np_random: expected {self.num_envs} numpy generators, got {generators!r}")
+        self._generators, self._seeds = list(generators), [-1] * self.num_envs
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]

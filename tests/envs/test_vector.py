@@ -182,3 +182,19 @@ def test_impossible_seeds_are_refused_by_name_and_change_nothing(seed):
     with pytest.raises(ValueError, match=r"^seed: expected one whole number of at least 0, or a list of 2"):
         env.reset(seed=seed)
     assert env.get_state() == before
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.0, "2", True, None], ids=str)
+def test_an_impossible_number_of_environments_is_refused_by_name(count):
+    with pytest.raises(ValueError, match="^num_envs: expected a whole number of at least 1"):
+        FlapVectorEnv(count, model=synthetic_model())
+
+
+def test_generators_can_be_set_as_in_other_vector_environments():
+    env, twin = (FlapVectorEnv(2, model=synthetic_model()) for _ in range(2))
+    env.np_random = tuple(np.random.default_rng(seed) for seed in (3, 4))
+    assert env.np_random_seed == (-1, -1)
+    twin.set_state(env.get_state())
+    np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
+    with pytest.raises(ValueError, match="^np_random: expected 2 numpy generators"):
+        env.np_random = (np.random.default_rng(3),)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import BLADES
 from flapgym.envs.observation import DISPLACEMENTS, bound_of, task_of
-from flapgym.envs.settings import Settings
+from flapgym.envs.settings import FRACTION, Settings
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.delayed import DelayedPlant
 from flapgym.plant.kernel import fingerprint
@@ -294,10 +294,10 @@ class Fleet:
         azimuth = _option(options, "azimuth", (n,)) if "azimuth" in options else None
         intensity = self.intensity
         if "turbulence_intensity" in options:
-            intensity = _option(options, "turbulence_intensity", (n,), 1.0)
-            if intensity.min() < 0.0:
+            intensity = _option(options, "turbulence_intensity", (n,))
+            if intensity.min() < 0.0 or intensity.max() >= 1.0:
                 given = options["turbulence_intensity"]
-                raise ValueError(f"options.turbulence_intensity: expected at least 0, got {given!r}")
+                raise ValueError(f"options.turbulence_intensity: expected {FRACTION}, got {given!r}")
         seeds = _seeds(options, n, self.setup.pool)
         return [
             {

@@ -15,6 +15,21 @@ from flapgym.aeroelastic.model import TurbineModel, load_model
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
 from flapgym.turbulence import gust_of
+from flapgym.turbulence.gusts import is_number
+
+FRACTION = "a fraction of at least 0 and below 1 (0.10 is 10 %)"
+"""What a turbulence intensity must be."""
+LIMITS = {
+    "wind_speed": (1.0, 100.0, " m/s"),
+    "length_scale": (1.0, 1e5, " m"),
+    "duration": (1e-3, 1e5, " s"),
+    "measurement_noise": (0.0, 5e7, " N m"),  # the bound of the observation
+    "sensor_delay": (0.0, 60.0, " s"),
+    "actuator_lag": (0.0, 60.0, " s"),
+    "flap_angle_weight": (0.0, 1e6, ""),
+    "tower_weight": (0.0, 1e6, ""),
+}
+"""Least and largest value of a keyword, and its unit: what lies beyond is a slip, and overflows somewhere."""
 
 
 @dataclass(frozen=True)
@@ -50,22 +65,15 @@ class Settings:
         for name in ("full_info", "record_samples"):
             if not isinstance(getattr(self, name), (bool, np.bool_)):
                 raise ValueError(f"{name}: expected True or False, got {getattr(self, name)!r}")
-        positive = ["length_scale", "duration"] + ["wind_speed"] * (self.wind_speed is not None)
-        for name in (
-            *positive,
-            "measurement_noise",
-            "sensor_delay",
-            "actuator_lag",
-            "flap_angle_weight",
-            "tower_weight",
-        ):
+        for name, (lowest, highest, unit) in LIMITS.items():
             value = getattr(self, name)
-            if not _is_finite(value):
+            if value is None and name == "wind_speed":
+                continue
+            if not is_number(value):
                 raise ValueError(f"{name}: expected a finite number, got {value!r}")
-            if value < 0.0 or (value == 0.0 and name in positive):
+            if not lowest <= value <= highest:
                 raise ValueError(
-                    f"{name}: expected a {'positive' if name in positive else 'non-negative'} number, "
-                    f"got {value!r}"
+                    f"{name}: expected a number from {lowest:g} to {highest:g}{unit}, got {value!r}"
                 )
         object.__setattr__(self, "turbulence_intensity", _checked_intensity(self.turbulence_intensity))
         steps = self.steps_per_action
@@ -96,6 +104,10 @@ class Settings:
         """From an environment's keywords; an unknown one is refused by name."""
         known = [field.name for field in fields(cls)]
         for name in keywords:
+            if name == "max_episode_steps":
+                raise TypeError(
+                    "max_episode_steps: expected duration in its place, the seconds of an episode of every environment"
+                )
             if name not in known:
                 raise TypeError(
                     f"{name}: no such keyword of the environment; known: {', '.join(known)}, render_mode"
@@ -200,17 +212,13 @@ class Settings:
         return max(1, math.ceil(self.duration / (self.steps_per_action * time_step) - 1e-9))
 
 
-def _is_finite(value: object) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _three(name: str, values: object, optional: bool = False) -> tuple[Any, ...]:
     """One number for each blade, or None where that is allowed."""
     what = "numbers or None" if optional else "numbers"
     if not isinstance(values, (Sequence, np.ndarray)) or isinstance(values, str) or len(values) != 3:
         raise ValueError(f"{name}: expected three {what}, blade 1 first, got {values!r}")
     for value in values:
-        if not ((optional and value is None) or _is_finite(value)):
+        if not ((optional and value is None) or is_number(value)):
             raise ValueError(f"{name}: expected three finite {what}, blade 1 first, got {values!r}")
     return tuple(values)
 
@@ -220,16 +228,10 @@ def _checked_intensity(given: Any) -> float | tuple[float, ...]:
     several = isinstance(given, (Sequence, np.ndarray)) and not isinstance(given, str) and np.ndim(given) == 1
     values = list(given) if several else [given]
     for value in values:
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, (int, float, np.number))
-            or not math.isfinite(value)
-        ):
+        if not is_number(value):
             raise ValueError(f"turbulence_intensity: expected a finite number, got {value!r}")
         if not 0.0 <= value < 1.0:
-            raise ValueError(
-                f"turbulence_intensity: expected a fraction of at least 0 and below 1 (0.10 is 10 %), got {value!r}"
-            )
+            raise ValueError(f"turbulence_intensity: expected {FRACTION}, got {value!r}")
     return tuple(float(value) for value in values) if several else given
 
 
@@ -241,7 +243,7 @@ def checked_observe(observe: Sequence[str]) -> tuple[str, ...]:
     if not names:
         raise ValueError(f"observe: expected at least one of {', '.join(QUANTITIES)}, got none")
     for name in names:
-        if name not in QUANTITIES:
+        if not isinstance(name, str) or name not in QUANTITIES:
             raise ValueError(f"observe: expected names among {', '.join(QUANTITIES)}, got {name!r}")
     if len(set(names)) != len(names):
         raise ValueError(f"observe: expected each name once, got {', '.join(names)}")

@@ -102,7 +102,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `azimuth` | rad | of blade 1 |
     | `flap_angle` | rad, number or 3 | within the stop |
     | `flap_rate` | rad/s, number or 3 | within the stop |
-    | `turbulence_intensity` | fraction | of this episode; 0 is still air |
+    | `turbulence_intensity` | fraction | of this episode, below 1; 0 is still air |
 
     ## Episode End
 
@@ -125,17 +125,17 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `model` | `"nrel5mw-rated"` | name of a shipped model, or a model file of `flapgym build` |
     | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
     | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air; `FlapVectorEnv` takes several |
-    | `length_scale` | 147.0 | of the von Karman spectrum [m] |
+    | `length_scale` | 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
     | `gust` | `None` | a wind beside the turbulence, see below |
-    | `duration` | 20.0 | of an episode [s] |
-    | `measurement_noise` | 0.0 | rms of white noise on the observed RBM [N m]; the reward sees none |
-    | `sensor_delay` | 0.0 | by which the observed RBM is late [s], a multiple of the plant step; the reward is not |
-    | `actuator_lag` | 0.0 | time constant [s] of a first-order lag of a flap's acceleration behind its command |
+    | `duration` | 20.0 | of an episode [s], 0.001 to 100,000 |
+    | `measurement_noise` | 0.0 | rms of white noise on the observed RBM [N m], to 5e7; the reward sees none |
+    | `sensor_delay` | 0.0 | by which the observed RBM is late [s], whole plant steps, to 60; the reward is not |
+    | `actuator_lag` | 0.0 | time constant [s] of a first-order lag of a flap's acceleration behind its command, to 60 |
     | `stuck_flaps` | `(None, None, None)` | angles [rad] at which flaps have long been stuck; `None` moves |
     | `flap_effectiveness` | `(1.0, 1.0, 1.0)` | factors on what each flap does to the air; 0 floats, aligned with it |
     | `steps_per_action` | 5 | plant steps for which an action is held; 1 is the paper's, 5 to 10 train well |
     | `observe` | `("rbm",)` | what is observed, see above |
-    | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward |
+    | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward, to 1e6 |
     | `full_info` | `False` | more in `info`, see Information |
     | `record_samples` | `False` | put every plant sample into `info` |
     | `realisation_pool` | 0 | draw from realisations 0 to this - 1, shared in the process; 0, as a gust needs: none |
@@ -157,11 +157,12 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `"extreme_operating_gust"` | classes, `start` | dip, peak and dip within 10.5 s |
     | `"recorded"` | `file`, `start` | a series from a CSV file |
 
-    `start` is 0 if it is not given. The extreme operating gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2;
-    its `turbine_class` (`"I"` to `"III"`, default `"I"`) and `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be
-    given, as may `rotor_diameter` (126) and `hub_height` (90). A recording has the header `time [s], wind [m/s]`, or
-    `wind_perturbation [m/s]` about the mean wind (also ms, min, h and km/h, kn), is linear between its samples and must
-    last for the episode, which begins at its moment `start`, by default its first.
+    `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz. The extreme operating
+    gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class` (`"I"` to `"III"`, default `"I"`) and
+    `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may `rotor_diameter` (126) and `hub_height`
+    (90). A recording has the header `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about the mean wind (also ms,
+    min, h and km/h, kn), is linear between its samples and must last for the episode, which begins at its moment
+    `start`, by default its first.
 
     ## Version History
 

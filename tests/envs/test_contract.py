@@ -18,6 +18,7 @@ from hypothesis.extra.numpy import arrays
 
 import flapgym
 from flapgym.envs.observation import QUANTITIES
+from flapgym.envs.settings import LIMITS
 from tests.synthetic import synthetic_model
 
 ID = "flapgym/NREL5MW-v0"
@@ -206,6 +207,8 @@ def test_reset_options_set_wind_azimuth_and_flaps(model_file):
         ({"flap_rate": [0.0, 0.0]}, "flap_rate"),
         ({"realisation_seed": -1}, "realisation_seed"),
         ({"realisation_seed": 0.5}, "realisation_seed"),
+        ({"turbulence_intensity": 1.0}, "turbulence_intensity: expected a fraction .* below 1"),
+        ({"turbulence_intensity": -0.1}, "turbulence_intensity: expected a fraction"),
     ],
 )
 def test_impossible_reset_options_are_refused_by_name(model_file, options, name):
@@ -228,7 +231,18 @@ def test_impossible_reset_options_are_refused_by_name(model_file, options, name)
         ("observe", ("rbm", "moment")),
         ("observe", ("rbm", "rbm")),
         ("observe", 5),
+        ("observe", [["rbm"]]),
         ("tower_weight", -1.0),
+        ("tower_weight", 1e308),
+        ("flap_angle_weight", 1e308),
+        ("measurement_noise", 1e300),
+        ("measurement_noise", 10**400),
+        ("measurement_noise", np.complex64(1.0)),
+        ("length_scale", 1e-9),
+        ("length_scale", 1e300),
+        ("duration", 1e308),
+        ("actuator_lag", 1e300),
+        ("sensor_delay", 1e300),
         ("full_info", "yes"),
         ("record_samples", 2),
         ("render_mode", "ansi"),
@@ -247,6 +261,25 @@ def test_a_model_that_is_neither_name_nor_file_is_refused_by_name():
 def test_an_unknown_keyword_is_refused_by_name(model_file):
     with pytest.raises(TypeError, match="turbulence_intensty"):
         _make(model_file, turbulence_intensty=0.1)
+
+
+def test_a_limit_of_steps_is_refused_with_what_to_give(model_file):
+    with pytest.raises(TypeError, match="max_episode_steps: expected duration in its place"):
+        gymnasium.make_vec(ID, num_envs=2, model=model_file, max_episode_steps=5)
+
+
+@pytest.mark.parametrize(
+    "keyword", ["length_scale", "measurement_noise", "flap_angle_weight", "tower_weight"]
+)
+def test_the_largest_and_least_numbers_give_finite_episodes(model_file, keyword):
+    for value in LIMITS[keyword][:2]:
+        env = flapgym.envs.FlapEnv(**{"model": model_file, "duration": 0.7, keyword: value})
+        assert np.isfinite(env.reset(seed=0)[0]).all()
+        for _ in range(20):
+            observation, reward, terminated, _, _ = env.step(np.ones(3))
+            assert np.isfinite(observation).all()
+            assert np.isfinite(reward)
+            assert not terminated
 
 
 def test_another_wind_speed_is_refused_with_the_line_that_builds_its_model(model_file):

@@ -27,7 +27,7 @@ from flapgym.envs.fleet import (
 )
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
-from flapgym.plant.states import checked_numbers
+from flapgym.plant.states import checked_observation
 from flapgym.state_space import Array
 
 Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
@@ -125,7 +125,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Info]:
-        """Begin an episode in every environment, or seeded and begun in those of `options["reset_mask"]` alone."""
+        """Begin an episode in every environment; with `options["reset_mask"]` only those begin and take seeds."""
         mask = checked_mask(options, self.num_envs)
         turbines = np.flatnonzero(mask)
         further = {name: value for name, value in (options or {}).items() if name != "reset_mask"}
@@ -189,7 +189,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
                 "seeds": each_of(self.num_envs, seed_number),
                 "ended": each_of(self.num_envs, true_or_false),
                 "started": each_of(self.num_envs, true_or_false),
-                "observation": lambda rows: checked_numbers("rows", rows, shape).astype(np.float32),
+                "observation": lambda rows: checked_observation(rows, shape),
             },
         )
         if any(

@@ -24,7 +24,7 @@ from flapgym.control.agent import Agent, Floats
 from flapgym.envs.fleet import numbers, read_entry
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.envs.servo import Servo
-from flapgym.plant.states import checked_numbers
+from flapgym.plant.states import checked_numbers, checked_observation
 from flapgym.state_space import Array
 
 Observation = NDArray[np.float32]
@@ -201,7 +201,7 @@ def remembered(
     """That, read: an observation of the shape given, and what the agent would keep in mind after it."""
     if entry["observation"] is None:
         return None, None
-    seen = checked_numbers("observation", entry["observation"], shape).astype(np.float32)
+    seen = checked_observation(entry["observation"], shape)
     if entry["mind"] is None:
         return seen, None
     _, own = agent.predict(seen[..., columns], None)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant.interface import Setup
@@ -65,8 +66,14 @@ def checked_whole(name: str, given: Any, largest: int) -> int:
     return int(given)
 
 
+def checked_observation(given: Any, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """An environment's observation, kept as plain numbers."""
+    largest = float(np.finfo(np.float32).max)
+    return checked_numbers("observation", given, shape, largest).astype(np.float32)
+
+
 def checked_numbers(name: str, given: Any, shape: tuple[int, ...], largest: float = np.inf) -> Array:
-    """Finite numbers of a shape: no texts, no truth values, nothing stretched to fit."""
+    """Finite numbers of a shape, float64: no texts, no truth values, nothing stretched to fit."""
     try:
         values = np.asarray(given)
     except ValueError:  # rows of unequal lengths

@@ -155,6 +155,7 @@ def test_a_damaged_turbine_is_refused_and_changes_nothing(damage, variant):
         (True, "started", [1, 1]),
         (True, "observation", [[np.nan] * 3] * 2),
         (True, "observation", 0.0),
+        (True, "observation", [[1e300] * 3] * 2),
         (True, "turbines", [None, None]),
         (True, "turbines", 2),
         (True, "generators", [{}, {}]),

@@ -242,6 +242,8 @@ def _flap_colour(fraction: float) -> Colour:
 
 
 def _round_step(reach: float) -> float:
-    """A step of 1, 2 or 5 times a power of ten with two to four lines on each side of zero."""
+    """A step of 1, 2 or 5 times a power of ten with one to three lines on each side of zero."""
     power = 10.0 ** np.floor(np.log10(reach))
-    return float(next(power * factor for factor in (0.2, 0.5, 1.0, 2.0) if reach / (power * factor) < 4.0))
+    return float(
+        next(power * factor for factor in (0.2, 0.5, 1.0, 2.0, 5.0) if reach / (power * factor) < 4.0)
+    )

@@ -11,7 +11,7 @@ import pytest
 
 from flapgym.envs import FlapEnv, FlapVectorEnv
 from flapgym.envs.blade import BladeEnv, BladeVectorEnv
-from flapgym.envs.rendering import _place
+from flapgym.envs.rendering import _place, _round_step
 
 pygame = pytest.importorskip("pygame")
 
@@ -109,6 +109,11 @@ def test_after_a_state_the_picture_is_of_that_instant(model_file, cls):
 def test_a_vector_has_no_window(model_file):
     with pytest.raises(ValueError, match=r'render_mode: expected None or "rgb_array", got \'human\''):
         FlapVectorEnv(2, model=model_file, render_mode="human")
+
+
+def test_a_trace_of_any_reach_has_lines_on_each_side():
+    for reach in (*np.geomspace(0.01, 1000.0, 301), 8.0, 9.99):
+        assert 1.0 < reach / _round_step(reach) < 4.0
 
 
 def test_seen_from_upwind_the_rotor_turns_clockwise():

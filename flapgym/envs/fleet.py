@@ -45,11 +45,14 @@ class Episode(NamedTuple):
     Attributes
     ----------
     origin : Origin
+    generator : Generator
+        As it was before the draws of the episode's start.
     plant : dict
         Of `flapgym.plant.states.checked_state`.
     """
 
     origin: Origin
+    generator: np.random.Generator
     plant: dict[str, Any]
 
 
@@ -101,10 +104,11 @@ class Fleet:
         self.intensity = settings.intensities(count)
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
-        self._gust_digest = (
-            None if self._gust is None else fingerprint([self._gust.wind], [self._gust.before])[:16]
-        )
         self.plant = make_plant(self.model, count, self.setup, self.task)
+        # Once, and as a text, of which every state has a copy of its own.
+        self._made_by = json.dumps(self._identity(), default=_plain)
+        self._entries = self.plant.get_state(0)
+        """Names and shapes of what a turbine's state holds."""
         bound = bound_of(self.task)
         self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.setup.blades,), dtype=np.float32)
@@ -168,7 +172,7 @@ class Fleet:
     def get_state(self) -> dict[str, Any]:
         """The state of all turbines as plain values for JSON."""
         return {
-            "made_by": self._identity(),
+            "made_by": json.loads(self._made_by),
             "turbines": self._turbines(),
         }
 
@@ -196,7 +200,7 @@ class Fleet:
             raise ValueError("state: expected what get_state of such an environment returned")
         readers = {**further, "turbines": self._read_turbines}
         made_by = state["made_by"]
-        for name, own in self._identity().items():
+        for name, own in json.loads(self._made_by).items():
             if made_by.get(name) != own:
                 raise ValueError(
                     f"state: made by an environment with {name} {made_by.get(name)!r}, this one has {own!r}"
@@ -217,8 +221,8 @@ class Fleet:
             self._origins[turbine] = None if episode is None else episode.origin
             if episode is None:
                 continue
-            which, generator = np.array([turbine]), generator_of(episode.origin["generator"])
-            start = self._start(which, [generator], [episode.origin])
+            which = np.array([turbine])
+            start = self._start(which, [episode.generator], [episode.origin])
             self.plant.reset(which, start)
             self.plant.set_state(turbine, episode.plant)
             elapsed = episode.plant["elapsed"]
@@ -230,7 +234,7 @@ class Fleet:
 
     def _turbines(self) -> list[dict[str, Any] | None]:
         return [
-            None if origin is None else {"origin": origin, "plant": self.plant.get_state(turbine)}
+            None if origin is None else {"origin": _fresh(origin), "plant": self.plant.get_state(turbine)}
             for turbine, origin in enumerate(self._origins)
         ]
 
@@ -238,15 +242,15 @@ class Fleet:
         """What every turbine goes on from; None where no episode has begun."""
         if len(entries) != self.count:
             raise ValueError(f"expected {self.count} turbines, got {len(entries)}")
-        own, episodes = self.plant.get_state(0), list[Episode | None]()
+        episodes = list[Episode | None]()
         for turbine, entry in enumerate(entries):
             try:
-                episodes.append(None if entry is None else self._read_episode(entry, own))
+                episodes.append(None if entry is None else self._read_episode(entry))
             except _DAMAGE as error:
                 raise ValueError(f"turbine {turbine}: {_reason(error)}") from None
         return episodes
 
-    def _read_episode(self, entry: Mapping[str, Any], own: Mapping[str, Any]) -> Episode:
+    def _read_episode(self, entry: Mapping[str, Any]) -> Episode:
         """A turbine's entry; its origin is under the rules of a reset's options."""
         origin = entry["origin"]
         given = {name: origin[name] for name in RESET_OPTIONS if origin[name] is not None}
@@ -254,7 +258,8 @@ class Fleet:
         generator = generator_of(origin["generator"])
         return Episode(
             {"generator": generator_state(generator), **chosen},
-            checked_state(entry["plant"], own, self.model, self.setup),
+            generator,
+            checked_state(entry["plant"], self._entries, self.model, self.setup),
         )
 
     def _identity(self) -> dict[str, Any]:
@@ -269,9 +274,8 @@ class Fleet:
             "kernel": type(self.plant.plant if isinstance(self.plant, DelayedPlant) else self.plant).__name__,
             "num_envs": self.count,
             # The wind itself: a recording may have changed under its name, or have another.
-            "gust": self._gust_digest,
-            # Through JSON, so that a tuple equals the list it becomes there.
-            **json.loads(json.dumps(settings, default=_plain)),
+            "gust": None if self._gust is None else fingerprint([self._gust.wind], [self._gust.before])[:16],
+            **settings,
         }
 
     def chosen(self, turbines: NDArray[np.int64], options: Mapping[str, Any] | None = None) -> list[Origin]:
@@ -402,12 +406,15 @@ def refusal(values: NDArray[np.float32] | Array, status: int, blades: int) -> Va
 
 def generator_state(generator: np.random.Generator) -> dict[str, Any]:
     """A generator's state as plain values: some kinds of generator keep arrays."""
-    return _without_arrays(generator.bit_generator.state)
+    return _fresh(generator.bit_generator.state)
 
 
-def _without_arrays(value: Any) -> Any:
+def _fresh(value: Any) -> Any:
+    """A copy of nested plain values, with lists for arrays."""
     if isinstance(value, dict):
-        return {name: _without_arrays(entry) for name, entry in value.items()}
+        return {name: _fresh(entry) for name, entry in value.items()}
+    if isinstance(value, list):
+        return list(value)
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 

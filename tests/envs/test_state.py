@@ -176,6 +176,22 @@ def test_what_else_is_damaged_is_named_and_changes_nothing(many, name, value):
     assert env.get_state() == before
 
 
+@pytest.mark.parametrize("through", THROUGH)
+def test_what_is_done_to_a_state_reaches_neither_giver_nor_taker(through):
+    env, twin = FlapEnv(**_keywords("delay")), FlapEnv(**_keywords("delay"))
+    env.reset(seed=0)
+    before, state = THROUGH[through](env.get_state()), env.get_state()
+    twin.set_state(state)
+    state["made_by"].clear()
+    state["generator"].clear()
+    origin = state["turbines"][0]["origin"]
+    origin["generator"]["state"].clear()
+    origin["flap_angle"][0] = 9.0
+    state["turbines"][0]["plant"]["flaps"][0][0] = 9.0
+    assert env.get_state() == before
+    assert twin.get_state() == before
+
+
 def test_late_moments_of_a_damaged_state_are_refused():
     env = FlapEnv(**_keywords("delay"))
     env.reset(seed=0)

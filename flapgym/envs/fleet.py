@@ -124,22 +124,23 @@ class Fleet:
         turbines: NDArray[np.int64],
         generators: Sequence[np.random.Generator],
         chosen: Sequence[Origin],
-    ) -> tuple[NDArray[np.float32], Info]:
+    ) -> tuple[NDArray[np.float32], Array]:
         """Start an episode of m turbines, each with randomness from its own generator and with what was `chosen`.
 
         Returns
         -------
         observation : (m, size) float32
-        info : dict of arrays (m, ...)
+        rows : (m, ROW) float
+            Of the first sample (flapgym.plant.layout).
         """
         origins = [
-            {"generator": generator_state(generator)} | each
+            {"generator": generator.bit_generator.state} | each
             for generator, each in zip(generators, chosen, strict=True)
         ]
         observation, rows = self.plant.reset(turbines, self._start(turbines, generators, chosen))
         for turbine, origin in zip(turbines, origins, strict=True):
             self._origins[turbine] = origin
-        return observation, state_info(rows, self.setup.blades)
+        return observation, rows
 
     def step(
         self, actions: ArrayLike

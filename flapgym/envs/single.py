@@ -22,6 +22,7 @@ from flapgym.envs.fleet import (
     refusal,
     sample_info,
     seed_number,
+    state_info,
     true_or_false,
 )
 from flapgym.envs.rendering import Screen
@@ -205,11 +206,11 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         turbine = np.zeros(1, dtype=np.int64)
         chosen = self._fleet.chosen(turbine, options)  # before the seed, which a refused reset must not take
         super().reset(seed=seed)
-        observation, info = self._fleet.begin(turbine, [self.np_random], chosen)
+        observation, rows = self._fleet.begin(turbine, [self.np_random], chosen)
         self._running = True
-        info = {
+        info: Info = {
             name: value[0] if value.ndim > 1 else float(value[0])
-            for name, value in info.items()
+            for name, value in state_info(rows, self._fleet.setup.blades).items()
             if self.settings.full_info or name in BRIEF
         }
         if self._screen is not None:

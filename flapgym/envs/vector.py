@@ -23,6 +23,7 @@ from flapgym.envs.fleet import (
     generator_state,
     numbers,
     seed_number,
+    state_info,
     true_or_false,
 )
 from flapgym.envs.rendering import Screen
@@ -131,7 +132,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         further = {name: value for name, value in (options or {}).items() if name != "reset_mask"}
         chosen = self._fleet.chosen(turbines, further)  # before the seed, which a refused reset must not take
         generators = self._seeded(seed, mask)
-        observation, info = self._fleet.begin(turbines, [generators[index] for index in turbines], chosen)
+        observation, rows = self._fleet.begin(turbines, [generators[index] for index in turbines], chosen)
+        info = state_info(rows, self._fleet.setup.blades)
         self._observation[turbines] = observation
         self._ended[turbines], self._started[turbines] = False, True
         info = _scattered(info, turbines, self.num_envs)
@@ -263,7 +265,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     def _begin(self, turbines: NDArray[np.int64]) -> tuple[NDArray[np.float32], Info]:
         generators = self._seeded(None)
         chosen = self._fleet.chosen(turbines)
-        return self._fleet.begin(turbines, [generators[index] for index in turbines], chosen)
+        observation, rows = self._fleet.begin(turbines, [generators[index] for index in turbines], chosen)
+        return observation, state_info(rows, self._fleet.setup.blades)
 
     def _seeded(
         self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_] | None = None

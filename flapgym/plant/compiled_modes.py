@@ -196,21 +196,79 @@ def add_deviations(typingctx, constants, modes, groups, deviations, first, last)
         v = _Vectors(context, builder, kind)
         constant, modes, deviations = (v.start(signature.args[i], arguments[i]) for i in (0, 1, 3))
         with cgutils.for_range(builder, arguments[2]) as groups:
-            rows = [v.load(v.place(constant, groups.index, STEP_ROWS, row)) for row in range(STEP_ROWS)]
+
+            def row(number: int) -> Any:
+                return v.load(v.place(constant, groups.index, STEP_ROWS, number))
+
+            def by(first: int, numbers: Sequence[Any], mode: Sequence[Any]) -> list[Any]:
+                vectors = [v.everywhere(number) for number in numbers]
+                rows = [
+                    row(DRIVE + STEP_INPUTS * part + first + i)
+                    for part in range(PARTS)
+                    for i in range(BLADES)
+                ]
+                return v.driven(mode, rows, vectors)
+
+            value = [row(VALUE + part) for part in range(PARTS)]
             done = [v.variable() for _ in range(PARTS)]
             begin = builder.sub(arguments[4], v.whole(1))
             with cgutils.for_range(builder, arguments[5], start=begin) as steps:
                 at = builder.mul(steps.index, v.whole(STEP_INPUTS))
-                size = [v.number_at(deviations, at, component) for component in range(STEP_INPUTS)]
-                mode = v.times(rows[VALUE:DRIVE], [builder.load(part) for part in done])
-                for part, value in zip(done, v.driven(mode, rows[DRIVE:], size), strict=True):
-                    builder.store(value, part)
+                size = [
+                    builder.load(builder.gep(deviations, [builder.add(at, v.whole(component))]))
+                    for component in range(STEP_INPUTS)
+                ]
+                mode = v.times(value, [builder.load(part) for part in done])
+                for part, after in zip(done, by(0, size[:BLADES], mode), strict=True):
+                    builder.store(after, part)
+                # A flap that meets a stop jumps once, and is off for the rest of the interval.
+                nothing = ir.Constant(v.number, 0.0)
+                jumps = [builder.fcmp_unordered("!=", each, nothing) for each in size[BLADES:]]
+                with builder.if_then(builder.or_(builder.or_(jumps[0], jumps[1]), jumps[2]), likely=False):
+                    mode = [builder.load(part) for part in done]
+                    for part, after in zip(done, by(BLADES, size[BLADES:], mode), strict=True):
+                        builder.store(after, part)
             for part in range(PARTS):
                 place = v.place(modes, groups.index, PARTS, part)
                 v.store(builder.fadd(v.load(place), builder.load(done[part]), flags=FLAGS), place)
         return context.get_dummy_value()
 
     return types.void(constants, modes, types.intp, deviations, types.intp, types.intp), generate
+
+
+@intrinsic
+def add_columns(typingctx, columns, stride, vector, count, blocks, outputs):  # type: ignore[no-untyped-def]
+    """Add columns of a matrix times numbers to the outputs of one turbine.
+
+    Parameters
+    ----------
+    columns : (count stride,) float
+    stride : int
+        Numbers of a column, a multiple of LANES.
+    vector : (count,) float
+    count : int
+    blocks : int
+        Of LANES outputs that are wanted.
+    outputs : (LANES blocks,) float
+    """
+    kind = columns.dtype
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        v = _Vectors(context, builder, kind)
+        columns, vector, outputs = (v.start(signature.args[i], arguments[i]) for i in (0, 2, 5))
+        rows = builder.sdiv(arguments[1], v.whole(LANES))
+        with cgutils.for_range(builder, arguments[4]) as blocks:
+            place = v.place(outputs, blocks.index, 1)
+            total = v.variable(v.load(place))
+            with cgutils.for_range(builder, arguments[3]) as each:
+                block = builder.add(builder.mul(each.index, rows), blocks.index)
+                column, number = v.load(v.place(columns, block, 1)), v.number_at(vector, each.index)
+                builder.store(v.sum([(column, number)], builder.load(total)), total)
+            v.store(builder.load(total), place)
+        return context.get_dummy_value()
+
+    signature = types.void(columns, types.intp, vector, types.intp, types.intp, outputs)
+    return signature, generate
 
 
 @intrinsic

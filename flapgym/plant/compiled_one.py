@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 from flapgym.plant.compiled_loops import C1, OPTIONS, S1, THIRD, close, widest_vectors
-from flapgym.plant.compiled_modes import add_deviations, decay_and_read, decay_push_and_read
+from flapgym.plant.compiled_modes import add_columns, add_deviations, decay_and_read, decay_push_and_read
 from flapgym.plant.layout import (
     ACCELERATION_LIMIT,
     ANGLE,
@@ -26,7 +26,7 @@ from flapgym.plant.layout import (
     ENTRY,
     EVERY,
     FLAP_INPUTS,
-    FREE_ROOM,
+    FREE,
     HEAD,
     INTERVALS,
     LAG_DECAY,
@@ -78,9 +78,9 @@ from flapgym.plant.layout import (
 
 
 @njit(**OPTIONS)
-def begin(state, own, pool, outputs):  # type: ignore[no-untyped-def]
+def begin(width, state, own, pool, outputs):  # type: ignore[no-untyped-def]
     """Outputs under the wind alone. First of all, because the pool is far away: the flaps move while it is fetched."""
-    width, intervals = len(outputs), int(state[INTERVALS])
+    intervals = int(state[INTERVALS])
     interval = int(own[OWN_RESPONSE]) * intervals + min(int(own[OWN_ELAPSED]), intervals - 1)
     wind = pool[interval * width : (interval + 1) * width]
     level = own[OWN_LEVEL]
@@ -152,13 +152,13 @@ def move(t, actions, state, own, inputs, rows, samples):  # type: ignore[no-unty
                 samples[sample + SAMPLE_RATE] = own[OWN_RATE + b]
         if j >= first:
             for kind in range(2):
-                place = FREE_ROOM + STEP_INPUTS * (j - 1) + 3 * kind
+                place = FREE + STEP_INPUTS * (j - 1) + 3 * kind
                 off = row[ANGLE + 3 * kind : ANGLE + 3 * kind + 3]
                 inputs[place], inputs[place + 1], inputs[place + 2] = components(
                     off[0], off[1], off[2], cosine, sine, state
                 )
     if first <= k:
-        for i in range(FREE_ROOM, FREE_ROOM + STEP_INPUTS * (first - 1)):
+        for i in range(FREE, FREE + STEP_INPUTS * (first - 1)):
             inputs[i] = 0.0
     row[COSINE], row[SINE] = cosine, sine
     for b in range(BLADES):
@@ -290,25 +290,26 @@ def step_singly(actions, real, state, pool, samples, observation, rows):  # type
     size, room = 2 * groups * LANES, groups * LANES
     rows_wanted = 9 * k if state[EVERY] != 0.0 else 3 * k + 6
     records = HEAD + ENTRY * int(state[OBSERVED])
-    # What the flaps do: what decides their motion, and deviations from it.
-    width = FREE_ROOM + (STEP_INPUTS * k + LANES - 1) // LANES * LANES
-    needed = rows_wanted if state[DISPLACED] != 0.0 else 3 * k
+    # What the flaps do: what decides their motion, and deviations from it. Its way to the outputs, column by column.
+    given, column = FREE + STEP_INPUTS * k, (rows_wanted + LANES - 1) // LANES * LANES
+    width = (given + LANES - 1) // LANES * LANES
+    needed = (column if state[DISPLACED] != 0.0 else 3 * k + LANES - 1) // LANES
     stepping, rest = real[: room * STEP_ROWS], real[room * STEP_ROWS :]
     push, rest = rest[: room * PUSH_ROWS], rest[room * PUSH_ROWS :]
     reading, rest = rest[: room * READ_ROWS], rest[room * READ_ROWS :]
     others, rest = rest[: LAST * size], rest[LAST * size :]
-    feed, rest = rest[: rows_wanted * width], rest[rows_wanted * width :]
+    feed, rest = rest[: given * column], rest[given * column :]
     modes, rest = rest[: n * size], rest[n * size :]
-    inputs, outputs = rest[:width], rest[width : width + rows_wanted]
+    inputs, outputs = rest[:width], rest[width : width + column]
     status = 0
     for t in range(n):
         own = state[records + t * OWN : records + (t + 1) * OWN]
         own_modes = modes[t * size : (t + 1) * size]
-        begin(state, own, pool, outputs)
+        begin(rows_wanted, state, own, pool, outputs)
         first = move(t, actions, state, own, inputs, rows, samples)
-        add_products(needed, width if first <= k else FREE_ROOM, width, feed, inputs, outputs)
+        add_columns(feed, column, inputs, given if first <= k else FREE, needed, outputs)
         advance(groups, state, reading, others, push, inputs, own_modes, outputs)
         if first <= k:
-            add_deviations(stepping, own_modes, groups, inputs[FREE_ROOM:], first, k)
+            add_deviations(stepping, own_modes, groups, inputs[FREE:], first, k)
         status |= read(t, state, own, outputs, observation, rows, samples)
     return status

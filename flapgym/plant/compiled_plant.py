@@ -187,24 +187,19 @@ class CompiledPlant:
             behind = [np.zeros((given + rows) * lanes + self._size), feed]
         else:
             constants, feed = self._constants_of_one()
-            constants, behind = [*constants, feed], [np.zeros(feed.size // rows + rows)]
+            room = -(-len(self._kernel.held.feed) // layout.LANES) + 1 + -(-rows // layout.LANES)
+            constants, behind = [*constants, feed], [np.zeros(room * layout.LANES)]
         self._first_mode = sum(part.size for part in constants)
         modes = np.zeros(self._size * places)
         return aligned(np.concatenate([*constants, modes, *behind]), self.setup.precision)
 
     def _constants_of_one(self) -> tuple[list[Array], Array]:
         """What the step of one turbine reads of the modes, and what it reads of the flaps."""
-        held, flap, steps = (
-            self._kernel.held,
-            self._kernel.flap,
-            layout.STEP_INPUTS * self.setup.steps_per_action,
-        )
-        width = layout.FREE_ROOM + -(-steps // layout.LANES) * layout.LANES
-        feed = np.zeros((self._kernel.rows.count, width))
-        feed[:, : layout.FLAP_INPUTS] = held.feed[: layout.FLAP_INPUTS].T
+        held, flap, rows = self._kernel.held, self._kernel.flap, self._kernel.rows.count
+        feed = np.zeros((len(held.feed) + layout.BLADES, -(-rows // layout.LANES) * layout.LANES))
         # The outputs at the last sample are read behind the push.
-        feed[:, layout.FLAP_INPUTS : layout.FREE] = (held.held_feed - held.pushed).T
-        feed[:, layout.FREE_ROOM : layout.FREE_ROOM + steps] = held.feed[layout.FLAP_INPUTS :].T
+        start, steps = np.split(held.feed, [layout.FLAP_INPUTS])
+        feed[:, :rows] = np.vstack([start, held.held_feed - held.pushed, steps])
         reads = np.stack([flap.read.real, -flap.read.imag], axis=1)
         moments = np.vstack([flap.values.real, flap.values.imag, *reads[: layout.BLADES]])
         others = np.zeros((layout.LAST, self._size))

@@ -60,9 +60,9 @@ FEWEST_IN_BATCH = 8
 """Turbines from which they are stepped side by side; fewer are stepped one by one, modes side by side."""
 ALIGNMENT = 64
 """Bytes at whose multiples the numbers of the modes begin: vectors across two cache lines cost double."""
-FREE, FREE_ROOM = 9, 16
+FREE = 9
 """Numbers that decide the flaps' motion over an interval under held accelerations: angle, rate and acceleration in
-components in the frame of its start. Places for them; behind them come the deviations from that."""
+components in the frame of its start. Behind them come the deviations from that."""
 STEP_INPUTS = 2 * BLADES
 """What a step may add to a motion that goes on: acceleration over it, and a jump of the angle at its end."""
 VALUE, DRIVE, READ = 0, 2, 2

@@ -8,7 +8,8 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.envs.fleet import BRIEF, Info, numbers
+from flapgym.envs.fleet import Info, numbers
+from flapgym.envs.observation import DISPLACEMENTS
 from flapgym.envs.single import FlapEnv
 from flapgym.envs.vector import FlapVectorEnv
 
@@ -80,7 +81,7 @@ class BladeEnv(FlapEnv):
             {
                 name: value
                 for name, value in infos.items()
-                if self.settings.full_info or name in (*BRIEF, "samples")
+                if self.settings.full_info or name not in DISPLACEMENTS
             }
         )
         end = bool(terminated[0]), bool(truncated[0])

@@ -510,10 +510,6 @@ def flap_info(rows: Array, blades: int) -> Info:
     }
 
 
-BRIEF = ("rbm", "flap_angle", "flap_rate", "wind_perturbation", "azimuth")
-"""What a single environment gives without being asked for more."""
-
-
 def further_info(rows: Array, blades: int) -> Info:
     """Mean square of each moment over the interval and the reward's terms."""
     return {

@@ -32,6 +32,8 @@ BLADE: Colour = (150, 155, 160)
 BLADE_COLOURS: tuple[Colour, ...] = ((0, 114, 178), (213, 94, 0), (0, 140, 100))
 WIND: Colour = (90, 90, 95)
 
+SHOWN = ("rbm", "flap_angle", "flap_rate", "wind_perturbation", "azimuth")
+"""What of an environment's `info` is drawn."""
 HUB: Point = (150.0, 175.0)
 REACH = 125.0
 """Rotor radius on the screen [pixels]."""

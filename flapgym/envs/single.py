@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import BLADES
 from flapgym.envs.fleet import (
-    BRIEF,
     Fleet,
     Info,
     generator_of,
@@ -25,26 +24,15 @@ from flapgym.envs.fleet import (
     state_info,
     true_or_false,
 )
+from flapgym.envs.observation import DISPLACEMENTS
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
+from flapgym.envs.step_info import FullInfo, StepInfo
 from flapgym.plant import layout
+from flapgym.plant.interface import FloatArray, Quick, told
 
 # Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
 empty, ndarray, FLOAT32, ROW = np.empty, np.ndarray, np.dtype(np.float32), layout.ROW
-RBM, TIP, ANGLE, RATE, TRAVEL, MEAN_SQUARE, STOPPED = (
-    slice(column, column + BLADES)
-    for column in (
-        layout.RBM,
-        layout.TIP,
-        layout.ANGLE,
-        layout.RATE,
-        layout.TRAVEL,
-        layout.MEAN_SQUARE,
-        layout.STOPPED,
-    )
-)
-TOWER = slice(layout.TOWER, layout.TOWER + 2)
-WIND, AZIMUTH, REWARD = layout.WIND, layout.AZIMUTH, layout.REWARD
 
 
 class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -111,11 +99,12 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Information
 
-    `reset` and `step` return a fresh dict in SI units, at the last sample of the interval: `rbm` (3,) [N m],
-    `flap_angle` (3,) [rad], `flap_rate` (3,) [rad/s], `wind_perturbation` [m/s], `azimuth` [rad]. With `full_info` also
-    `tip_deflection` (3,) [m], `tower_top` (2,) [m] downwind and sideways, `flap_travel` (3,) [rad], the way gone since
-    the reset, `flap_stopped` (3,), whether the flap met a stop in the interval, and from `step` `rbm_mean_square` (3,)
-    [N^2 m^2] over the interval and the reward's terms `reward_rbm`, `reward_flap_angle`, `reward_tower`;
+    `reset` and `step` return a fresh dict in SI units, at the last sample of the interval: `rbm` (3,) [N m], without
+    noise and bounds, `flap_angle` (3,) [rad], `flap_rate` (3,) [rad/s], `flap_travel` (3,) [rad], the way gone since
+    the reset, `flap_stopped` (3,), whether the flap met a stop in the interval, `wind_perturbation` [m/s], `azimuth`
+    [rad], and from `step` `rbm_mean_square` (3,) [N^2 m^2] over the interval and the reward's terms `reward_rbm`,
+    `reward_flap_angle`, `reward_tower`. A step's arrays are made when the dict is first looked at. With `full_info`
+    also `tip_deflection` (3,) [m] and `tower_top` (2,) [m] downwind and sideways, which take a tenth of a step;
     `FlapVectorEnv` always gives them. With `record_samples` there is `samples`: a dict of arrays over the plant samples
     (`rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3), `tower_fore_aft`, `tower_side_side`, `wind` (k,)).
 
@@ -137,7 +126,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `steps_per_action` | 5 | plant steps for which an action is held; 1 is the paper's, 5 to 10 train well |
     | `observe` | `("rbm",)` | what is observed, see above |
     | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward, to 1e6 |
-    | `full_info` | `False` | more in `info`, see Information |
+    | `full_info` | `False` | tip deflection and tower top in `info`, see Information |
     | `record_samples` | `False` | put every plant sample into `info` |
     | `realisation_pool` | 0 | draw from realisations 0 to this - 1, shared in the process; 0, as a gust needs: none |
     | `precision` | `"float64"` | `"float32"` halves memory and time of large batches, see docs/speed.md |
@@ -185,14 +174,14 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._fleet.action_time)}
         self._running = False
         self._plant, self._observed = self._fleet.plant, self._fleet.task.size
-        self._quick, self._of_plant = self._plant.quick
-        samples = self._fleet.samples()
-        self._room = () if samples is None else (samples,)
+        self._samples = self._fleet.samples()
         """Where the plant samples go, if they are wanted; they are copied from there."""
+        self._quick, self._of_plant = self._quickest()
         self._screen = (
             None if render_mode is None else Screen(self._fleet.model, render_mode, self._fleet.action_time)
         )
-        self._more = bool(self.settings.full_info or self._room or render_mode is not None)
+        self._more = self._samples is not None or render_mode is not None
+        self._info = FullInfo if self.settings.full_info else StepInfo
 
     @property
     def model(self) -> TurbineModel:
@@ -211,7 +200,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         info: Info = {
             name: value[0] if value.ndim > 1 else float(value[0])
             for name, value in state_info(rows, self._fleet.setup.blades).items()
-            if self.settings.full_info or name in BRIEF
+            if self.settings.full_info or name not in DISPLACEMENTS
         }
         if self._screen is not None:
             self._screen.clear()
@@ -223,25 +212,20 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._running:
             raise ResetNeeded("step: no episode is running; call reset first")
         observation, row = empty(self._observed, FLOAT32), empty(ROW)
-        if action.__class__ is ndarray and action.dtype is FLOAT32 and action.ndim == 1 and not self._room:
-            status, reward, wind, azimuth = self._quick(self._of_plant, action, observation, row)
+        if action.__class__ is ndarray and action.dtype is FLOAT32 and action.ndim == 1:
+            status, reward, wind = self._quick(self._of_plant, action, observation, row)
         else:
             action = numbers(action, (BLADES,))
-            status = self._plant.step(action, observation, row, *self._room)
-            reward, wind, azimuth = row.item(REWARD), row.item(WIND), row.item(AZIMUTH)
+            status, reward, wind = told(self._take, action, observation, row)
         if status:
             if status < 0:
                 raise refusal(numbers(action, (BLADES,)), status, BLADES)
             self._running = False
-        info: Info = {
-            "rbm": row[RBM],
-            "flap_angle": row[ANGLE],
-            "flap_rate": row[RATE],
-            "wind_perturbation": wind,
-            "azimuth": azimuth,
-        }
+        info = self._info()
+        info["wind_perturbation"] = wind
+        info.row = row
         if self._more:
-            self._tell_more(info, row)
+            self._tell_more(info)
         if status:
             return observation, reward, status & 1 != 0, status & 2 != 0, info
         return observation, reward, False, False, info
@@ -296,23 +280,20 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._quick, self._of_plant = self._plant.quick
+        self._quick, self._of_plant = self._quickest()
 
-    def _tell_more(self, info: Info, row: NDArray[np.float64]) -> None:
-        """What costs too much to be told or shown in every step without being asked for."""
-        if self.settings.full_info:
-            info |= {
-                "tip_deflection": row[TIP],
-                "tower_top": row[TOWER],
-                "flap_travel": row[TRAVEL],
-                "flap_stopped": row[STOPPED] != 0.0,
-                "rbm_mean_square": row[MEAN_SQUARE],
-                "reward_rbm": row.item(layout.REWARD_RBM),
-                "reward_flap_angle": row.item(layout.REWARD_ANGLE),
-                "reward_tower": row.item(layout.REWARD_TOWER),
-            }
-        if self._room:
-            samples = sample_info(self._room[0], BLADES)
+    def _quickest(self) -> Quick:
+        """The plant's quick step, which has no samples."""
+        return self._plant.quick if self._samples is None else (told, self._take)
+
+    def _take(self, actions: FloatArray, observation: NDArray[np.float32], row: NDArray[np.float64]) -> int:
+        """A step of the plant, with its samples."""
+        return self._plant.step(actions, observation, row, self._samples)
+
+    def _tell_more(self, info: Info) -> None:
+        """What is told or shown only if it is asked for."""
+        if self._samples is not None:
+            samples = sample_info(self._samples, BLADES)
             info["samples"] = {name: value[0] for name, value in samples.items()}
         if self._screen is not None:
             self._show(info)

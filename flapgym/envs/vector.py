@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.envs.fleet import (
-    BRIEF,
     Fleet,
     Info,
     each_of,
@@ -26,7 +25,7 @@ from flapgym.envs.fleet import (
     state_info,
     true_or_false,
 )
-from flapgym.envs.rendering import Screen
+from flapgym.envs.rendering import SHOWN, Screen
 from flapgym.envs.settings import Settings
 from flapgym.plant.states import checked_observation
 from flapgym.state_space import Array
@@ -260,7 +259,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             if index in begun:
                 screen.clear()
             if turbines is None or index in turbines:
-                screen.record({name: info[name][index].copy() for name in BRIEF if name in info})
+                screen.record({name: info[name][index].copy() for name in SHOWN if name in info})
 
     def _begin(self, turbines: NDArray[np.int64]) -> tuple[NDArray[np.float32], Info]:
         generators = self._seeded(None)

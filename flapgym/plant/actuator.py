@@ -44,12 +44,12 @@ class Faults:
         if not (math.isfinite(self.lag) and self.lag >= 0.0):
             raise ValueError(f"faults.lag: expected a time constant [s] of at least 0, got {self.lag}")
 
-    @property
+    @cached_property
     def held(self) -> NDArray[np.bool_]:
         """(3,) which flaps are stuck."""
         return np.array([value is not None for value in self.stuck])
 
-    @property
+    @cached_property
     def held_angle(self) -> Array:
         """(3,) where they are [rad]; zero for the others."""
         return np.array([value or 0.0 for value in self.stuck])

@@ -22,7 +22,6 @@ from flapgym.plant.compiled_batch import step_together
 from flapgym.plant.compiled_loops import OPTIONS, widest_vectors
 from flapgym.plant.compiled_one import step_singly
 from flapgym.plant.layout import (
-    AZIMUTH,
     BLADE_COUNT,
     COUNT,
     FEWEST_IN_BATCH,
@@ -92,7 +91,7 @@ def advance_double(address, actions, observation, rows):  # type: ignore[no-unty
 
     Returns
     -------
-    int, float, float, float
+    int, float, float
         As flapgym.plant.interface.Quick.
     """
     widest_vectors()
@@ -126,8 +125,8 @@ def advance_single(address, actions, observation, rows):  # type: ignore[no-unty
 def _told(status, row):  # type: ignore[no-untyped-def]
     """What of the first row every step of an environment tells: an array's numbers are dear to ask for one by one."""
     if row.size < ROW:
-        return status, 0.0, 0.0, 0.0
-    return status, row[REWARD], row[WIND], row[AZIMUTH]
+        return status, 0.0, 0.0
+    return status, row[REWARD], row[WIND]
 
 
 @njit(**OPTIONS)

@@ -43,7 +43,7 @@ class _Announce(event.Listener):
         """Nothing to say."""
 
 
-RETURNED = types.Tuple((types.int64, types.float64, types.float64, types.float64))
+RETURNED = types.Tuple((types.int64, types.float64, types.float64))
 NO_SAMPLES = np.empty((0, 0, 0))
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 

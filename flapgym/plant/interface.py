@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.plant.actuator import Faults
-from flapgym.plant.layout import AZIMUTH, REWARD, WIND
+from flapgym.plant.layout import REWARD, WIND
 from flapgym.state_space import Array
 
-Told = tuple[int, float, float, float]
-"""What `Plant.step` returns, and of the first turbine the reward, the wind perturbation [m/s] and the azimuth [rad],
-which mean nothing if it is negative."""
+Told = tuple[int, float, float]
+"""What `Plant.step` returns, and of the first turbine the reward and the wind perturbation [m/s], which mean nothing if
+it is negative."""
 Quick = tuple[Callable[[Any, NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]], Told], Any]
 """A function of this very thing, flat actions, and observation and rows to fill."""
 FloatArray = NDArray[np.float64] | NDArray[np.float32]
@@ -192,11 +192,11 @@ class Interval(NamedTuple):
 
 
 def told(
-    step: Callable[..., int], actions: NDArray[np.float32], observation: NDArray[np.float32], rows: Array
+    step: Callable[..., int], actions: FloatArray, observation: NDArray[np.float32], rows: Array
 ) -> Told:
     """A plant's `step` in the form of `Quick`."""
     status = step(actions, observation, rows)
-    return status, rows.item(REWARD), rows.item(WIND), rows.item(AZIMUTH)
+    return status, rows.item(REWARD), rows.item(WIND)
 
 
 class Plant(Protocol):

@@ -17,6 +17,8 @@ import flapgym  # noqa: F401 (registers the environments)
 from benchmarks.environment.timing import best_of
 
 FLAPGYM, PENDULUM, CARTPOLE, CHEETAH = "flapgym/NREL5MW-v0", "Pendulum-v1", "CartPole-v1", "HalfCheetah-v5"
+JAX_PENDULUM = "phys2d/Pendulum-v0"
+"""Gymnasium's own vector class of Pendulum, in JAX."""
 STEPS_TOGETHER = 256
 """Steps of a single environment between two looks at the clock."""
 
@@ -65,7 +67,9 @@ def all_subjects() -> list[Subject]:
         for count in COUNTS
     ]
     native += [Subject(FLAPGYM, count, "native", 1, "numba", "float64") for count in (64, 1024)]
-    native += [Subject(CARTPOLE, count, "native") for count in (64, 1024, 4096)]
+    native += [
+        Subject(name, count, "native") for name in (CARTPOLE, JAX_PENDULUM) for count in (64, 1024, 4096)
+    ]
     sync = [Subject(name, count, "sync") for name in (PENDULUM, CARTPOLE) for count in (64, 1024)]
     pools = [Subject(name, count, "envpool") for name in (PENDULUM, CARTPOLE) for count in (64, 1024)]
     return single + native + sync + pools
@@ -74,8 +78,7 @@ def all_subjects() -> list[Subject]:
 def missing(subject: Subject) -> str | None:
     """The library a subject needs and this machine has not, if any."""
     needed = {"envpool": "envpool"}.get(subject.how)
-    if subject.name == CHEETAH:
-        needed = "mujoco"
+    needed = {CHEETAH: "mujoco", JAX_PENDULUM: "flax"}.get(subject.name, needed)
     if subject.kernel == "numba":
         needed = "numba"
     return needed if needed is not None and importlib.util.find_spec(needed) is None else None
@@ -108,7 +111,8 @@ def stepper(subject: Subject) -> Callable[[], Any]:
     def step() -> None:
         nonlocal turn
         turn = (turn + 1) % len(actions)
-        env.step(actions[turn])
+        # An array of NumPy, whatever it was: JAX returns before it has computed.
+        np.asarray(env.step(actions[turn])[0])
 
     return step
 

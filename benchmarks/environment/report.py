@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.environment.endurance import Endurance
 from benchmarks.environment.kernels import Form
-from benchmarks.environment.peers import FLAPGYM, PENDULUM, Subject
+from benchmarks.environment.peers import FLAPGYM, JAX_PENDULUM, PENDULUM, Subject
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -25,7 +25,11 @@ def peers_table(rates: Mapping[Subject, float]) -> str:
         if any(subject.name == PENDULUM and subject.count == 1 for subject in rates)
         else float("nan")
     }
-    best = [rate for subject, rate in rates.items() if subject.name == PENDULUM and subject.count > 1]
+    best = [
+        rate
+        for subject, rate in rates.items()
+        if subject.name in (PENDULUM, JAX_PENDULUM) and subject.count > 1
+    ]
     pendulum["vector"] = max(best, default=float("nan"))
     rows = []
     for subject, rate in rates.items():

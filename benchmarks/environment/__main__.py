@@ -1,7 +1,7 @@
 """Speed of the environment and its plant: prints tables and writes `results/bench.json`.
 
 `python -m benchmarks.environment`, or `make bench`; `--docs docs/speed.md` puts the tables into the page. Every figure
-is processor time of one core (OMP_NUM_THREADS=1), the best of rounds that take turns.
+is processor time of one core (OMP_NUM_THREADS=1), taken by pytest-benchmark, the best of rounds that take turns.
 """
 
 from __future__ import annotations

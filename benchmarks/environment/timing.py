@@ -1,51 +1,87 @@
-"""Time by the processor's clock, in rounds that take turns: a busy moment of the machine then hits all alike."""
+"""Processor time of calls by pytest-benchmark, in rounds that take turns: a busy moment hits all subjects alike."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+import contextlib
+import json
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
 
 Key = TypeVar("Key")
+TESTS = Path(__file__).with_name("timed.py")
 
 
-def seconds_per_call(call: Callable[[], object], seconds: float) -> float:
-    """Processor time of one call, from as many as fill `seconds`; all threads of the process count."""
-    calls = 1
-    while True:
-        began = time.process_time()
-        for _ in range(calls):
-            call()
-        passed = time.process_time() - began
-        if passed >= seconds:
-            return passed / calls
-        calls = max(calls + 1, int(1.2 * calls * seconds / max(passed, 1e-4)))
-        calls = min(calls, 1_000_000)
+class _Turns:
+    """A plugin that gives the one test its calls: all of them once, then all of them again, and so on."""
+
+    def __init__(
+        self, calls: Sequence[Callable[[], object]], rounds: int, tell: Callable[[str], None]
+    ) -> None:
+        self._calls, self._rounds, self._tell = calls, rounds, tell
+
+    def pytest_generate_tests(self, metafunc: pytest.Metafunc) -> None:
+        """Every call in every round."""
+        ids = [f"{turn}-{place}" for turn in range(self._rounds) for place in range(len(self._calls))]
+        metafunc.parametrize("call", [*self._calls] * self._rounds, ids=ids)
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        """A word when a round begins."""
+        turn, _, place = nodeid.rpartition("[")[2].rstrip("]").partition("-")
+        if place == "0":
+            self._tell(f"round {int(turn) + 1} of {self._rounds}")
 
 
 def best_of(
     calls: Mapping[Key, Callable[[], object]], seconds: float, rounds: int, tell: Callable[[str], None]
 ) -> dict[Key, float]:
-    """Processor time of one call of each subject, the best of rounds that take turns."""
-    best: dict[Key, list[float]] = {key: [] for key in calls}
-    for turn in range(rounds):
-        tell(f"round {turn + 1} of {rounds}")
-        for key, call in calls.items():
-            best[key].append(seconds_per_call(call, seconds))
-    return {key: min(times) for key, times in best.items()}
+    """Processor time of one call of each subject: the mean over the calls of a round, the best of the rounds.
+
+    Parameters
+    ----------
+    calls : mapping
+    seconds : float
+        Of each round; all threads of the process count.
+    rounds : int
+    tell : callable
+        Told when a round begins.
+
+    Raises
+    ------
+    RuntimeError
+        If a call failed.
+    """
+    if not calls:
+        return {}
+    with tempfile.TemporaryDirectory() as folder:
+        found = Path(folder) / "benchmark.json"
+        options = [
+            *(str(TESTS), f"--rootdir={folder}", "-c", os.devnull, "--import-mode=importlib", "-x"),
+            *("-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:randomly", "-s", "-q", "--no-header"),
+            *(f"--benchmark-json={found}", "--benchmark-timer=time.process_time", "--benchmark-disable-gc"),
+            *(f"--benchmark-max-time={seconds}", "--benchmark-min-rounds=1", "--benchmark-quiet"),
+        ]
+        with (
+            open(os.devnull, "w", encoding="utf-8") as nowhere,
+            contextlib.redirect_stdout(nowhere),
+            warnings.catch_warnings(action="ignore"),
+        ):
+            code = pytest.main(options, plugins=[_Turns(list(calls.values()), rounds, tell)])
+        if code != pytest.ExitCode.OK:
+            raise RuntimeError(f"pytest-benchmark ended with {code}; run the call that failed by itself")
+        times = json.loads(found.read_text(encoding="utf-8"))["benchmarks"]
+    return dict(zip(calls, _best(times, len(calls)), strict=True))
 
 
-def repeated(step: Callable[[], object], times: int) -> Callable[[], None]:
-    """A call that does many steps: the clock is read seldom."""
-
-    def call() -> None:
-        for _ in range(times):
-            step()
-
-    return call
-
-
-def median(values: Sequence[float]) -> float:
-    """Middle of the values."""
-    ordered = sorted(values)
-    return 0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
+def _best(times: Iterable[Mapping[str, Any]], count: int) -> list[float]:
+    """The least mean of each of the calls."""
+    best = [float("inf")] * count
+    for each in times:
+        place = int(each["param"].partition("-")[2])
+        best[place] = min(best[place], each["stats"]["mean"])
+    return best

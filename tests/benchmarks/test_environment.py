@@ -6,11 +6,17 @@ import json
 
 import pytest
 
-from benchmarks.environment import kernels, limits, peers, report
+from benchmarks.environment import kernels, limits, peers, report, timing
 from benchmarks.environment.__main__ import fill, main
 from benchmarks.environment.peers import FLAPGYM, PENDULUM, Subject
 from flapgym.aeroelastic import load_model
 from tests.synthetic import synthetic_model
+
+
+@pytest.fixture(autouse=True)
+def _alone(monkeypatch):
+    """pytest-benchmark refuses to time anything beside other workers; what is counted here does not depend on them."""
+    monkeypatch.delenv("PYTEST_XDIST_WORKER", raising=False)
 
 
 def quiet(text):
@@ -67,3 +73,19 @@ def test_the_program_writes_machine_and_tables(tmp_path, capsys, monkeypatch):
 
 def test_a_table_without_a_place_is_left_out():
     assert fill("plain\n", {"peers": "| a |"}) == "plain\n"
+
+
+def test_a_call_that_fails_is_not_timed():
+    with pytest.raises(RuntimeError, match="run the call that failed"):
+        timing.best_of({"bad": lambda: 1 / 0}, 0.01, 1, quiet)
+
+
+def test_rounds_take_turns_and_the_best_counts():
+    turns = []
+    calls = {name: lambda name=name: turns.append(name) for name in "ab"}
+    best = timing.best_of(calls, 0.001, 2, quiet)
+    assert set(best) == set("ab")
+    assert all(0.0 < time < 1e-3 for time in best.values())
+    assert "".join(dict.fromkeys("".join(turns))) == "ab"
+    changes = "".join(name for before, name in zip(["", *turns], turns, strict=False) if name != before)
+    assert changes == "abab"

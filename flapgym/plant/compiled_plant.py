@@ -34,7 +34,7 @@ class _Announce(event.Listener):
         if not self.said:
             sys.stderr.write(
                 f"flapgym: compiling the plant's kernel in {self.precision}, once for this installation "
-                "(some ten seconds)\n"
+                "(ten to twenty seconds)\n"
             )
             sys.stderr.flush()
         self.said = True

@@ -103,7 +103,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     noise and bounds, `flap_angle` (3,) [rad], `flap_rate` (3,) [rad/s], `flap_travel` (3,) [rad], the way gone since
     the reset, `flap_stopped` (3,), whether the flap met a stop in the interval, `wind_perturbation` [m/s], `azimuth`
     [rad], and from `step` `rbm_mean_square` (3,) [N^2 m^2] over the interval and the reward's terms `reward_rbm`,
-    `reward_flap_angle`, `reward_tower`. A step's arrays are made when the dict is first looked at. With `full_info`
+    `reward_flap_angle`, `reward_tower`. A step's arrays are made when the dict is first looked at: give `dict(info)` to
+    code that reads dicts past Python, as some encoders and tree libraries in C do. With `full_info`
     also `tip_deflection` (3,) [m] and `tower_top` (2,) [m] downwind and sideways, which take a tenth of a step;
     `FlapVectorEnv` always gives them. With `record_samples` there is `samples`: a dict of arrays over the plant samples
     (`rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3), `tower_fore_aft`, `tower_side_side`, `wind` (k,)).

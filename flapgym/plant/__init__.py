@@ -7,7 +7,9 @@ import importlib.util
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant.actuator import Actuator, Faults
 from flapgym.plant.delayed import DelayedPlant
+from flapgym.plant.held import NEAREST, distance
 from flapgym.plant.interface import GivenWind, Interval, Plant, Setup, Start, Task
+from flapgym.plant.kernel import prepare
 from flapgym.plant.lifted_plant import LiftedPlant
 from flapgym.plant.periodic_plant import PeriodicPlant
 
@@ -52,11 +54,26 @@ def make_plant(model: TurbineModel, count: int, setup: Setup, task: Task) -> Pla
     return DelayedPlant(plant, task, setup.delay) if setup.delay else plant
 
 
+def holds(model: TurbineModel, setup: Setup) -> bool:
+    """Whether the compiled plant loses no digits on a model (flapgym.plant.held)."""
+    kernel = prepare(
+        model, setup.steps_per_action, setup.length_scale, setup.every_sample, setup.single_blade
+    )
+    return distance(kernel.flap, kernel.turn) >= NEAREST
+
+
 def _of_model(model: TurbineModel, count: int, setup: Setup, task: Task, compiled: bool) -> Plant:
     """The plant that suits the model, compiled or not."""
     if model.periodic is not None and not setup.single_blade:
         return PeriodicPlant(model, count, setup, task)
     if not compiled:
+        return LiftedPlant(model, count, setup, task)
+    if not holds(model, setup):
+        if setup.kernel == "numba":
+            raise ValueError(
+                "kernel: the model has a mode too near to the rotor's speed for compiled code; "
+                'expected "numpy" or "auto", got "numba"'
+            )
         return LiftedPlant(model, count, setup, task)
     from flapgym.plant.compiled_plant import CompiledPlant
 

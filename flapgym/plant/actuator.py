@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.plant.layout import TOUCH
 from flapgym.state_space import Array
 
 FEW = 16
@@ -133,51 +134,56 @@ class Actuator:
             Flaps that met a stop; None if none did, which is the cheap and the usual case.
         """
         motion = self.free @ start
-        beyond = np.abs(motion) > self._limits
-        if not beyond.any():
+        near = np.asarray((np.abs(motion) > self._limits * (1.0 - TOUCH)).any(axis=1))
+        if not near.any():
             return motion, None
-        stopped = np.asarray(beyond.any(axis=1))
-        turbine, blade = np.nonzero(stopped)
+        turbine, blade = np.nonzero(near)
         march = self._march_singly if turbine.size <= FEW else self._march_together
-        motion[turbine, :, blade] = march(start[turbine, :, blade])
+        stopped = np.zeros(near.shape, dtype=bool)
+        motion[turbine, :, blade], stopped[turbine, blade] = march(start[turbine, :, blade])
         return motion, stopped
 
     def lagged(self, start: Array) -> Array:
         """Lagged acceleration (n, blades) at the end of the action."""
         return start[:, 3] + self.decay**self.steps * (start[:, 2] - start[:, 3])
 
-    def _march_together(self, start: Array) -> Array:
-        """Step by step with the stops, for flaps that meet one: starts (m, 4), motion (m, 2 (k + 1))."""
+    def _march_together(self, start: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Step by step with the stops: starts (m, 4), motion (m, 2 (k + 1)), and who met one (m,)."""
         angle, rate, lagged, command = start.T
-        motion = np.empty((angle.size, self.steps + 1, 2))
+        motion, stopped = np.empty((angle.size, self.steps + 1, 2)), np.zeros(angle.size, dtype=bool)
         motion[:, 0, 0], motion[:, 0, 1] = angle, rate
+        inner = self.angle_limit * (1.0 - TOUCH)
         for step in range(1, self.steps + 1):
-            change = (command + (lagged - command) * self.gain) * self.time_step
+            wanted = rate + (command + (lagged - command) * self.gain) * self.time_step
             lagged = command + (lagged - command) * self.decay
-            reached = np.minimum(np.maximum(rate + change, -self.rate_limit), self.rate_limit)
-            free = angle + 0.5 * self.time_step * (rate + reached)
-            angle = np.minimum(np.maximum(free, -self.angle_limit), self.angle_limit)
-            into_stop = (free != angle) & (free * reached > 0.0)
+            reached = np.minimum(np.maximum(wanted, -self.rate_limit), self.rate_limit)
+            going = angle + 0.5 * self.time_step * (rate + reached)
+            into_stop = (np.abs(going) > inner) & (going * reached > 0.0)
+            angle = np.minimum(np.maximum(going, -self.angle_limit), self.angle_limit)
+            stopped |= into_stop | (wanted != reached) | (going != angle)
+            angle = np.where(into_stop, np.copysign(self.angle_limit, going), angle)
             rate = np.where(into_stop, 0.0, reached)
             motion[:, step, 0], motion[:, step, 1] = angle, rate
-        return motion.reshape(angle.size, -1)
+        return motion.reshape(angle.size, -1), stopped
 
-    def _march_singly(self, start: Array) -> Array:
+    def _march_singly(self, start: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The same, bit for bit, one flap at a time: for a few flaps plain floats are ten times as fast."""
         top_angle, top_rate, dt = self.angle_limit, self.rate_limit, self.time_step
-        motion = []
+        inner = top_angle * (1.0 - TOUCH)
+        motion, stopped = [], []
         for angle, rate, lagged, command in start.tolist():
-            path = [angle, rate]
+            path, met = [angle, rate], False
             for _ in range(self.steps):
-                reached = rate + (command + (lagged - command) * self.gain) * dt
-                reached = min(max(reached, -top_rate), top_rate)
+                wanted = rate + (command + (lagged - command) * self.gain) * dt
+                reached = min(max(wanted, -top_rate), top_rate)
                 lagged = command + (lagged - command) * self.decay
-                angle = angle + 0.5 * dt * (rate + reached)
-                rate = reached
-                if angle > top_angle:
-                    angle, rate = top_angle, min(rate, 0.0)
-                elif angle < -top_angle:
-                    angle, rate = -top_angle, max(rate, 0.0)
+                going = angle + 0.5 * dt * (rate + reached)
+                angle, rate = min(max(going, -top_angle), top_angle), reached
+                into_stop = abs(going) > inner and going * reached > 0.0
+                met |= into_stop or wanted != reached or going != angle
+                if into_stop:
+                    angle, rate = math.copysign(top_angle, going), 0.0
                 path += [angle, rate]
             motion.append(path)
-        return np.array(motion)
+            stopped.append(met)
+        return np.array(motion), np.array(stopped)

@@ -55,6 +55,7 @@ from flapgym.plant.layout import (
     STOPPED,
     STUCK,
     TIME_STEP,
+    TOUCH,
     TOWER,
     TRAVEL,
     TURN,
@@ -88,7 +89,7 @@ def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # ty
     k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
     dt, per_step, record = state[TIME_STEP], 1.0 / state[TIME_STEP], samples.size > 0
     top_angle, top_rate, top_acceleration = state[ANGLE_LIMIT], state[RATE_LIMIT], state[ACCELERATION_LIMIT]
-    decay, gain = state[LAG_DECAY], state[LAG_GAIN]
+    decay, gain, inner = state[LAG_DECAY], state[LAG_GAIN], top_angle * (1.0 - TOUCH)
     cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
     records = HEAD + ENTRY * int(state[OBSERVED]) + block * LANES * OWN
     for lane in range(lanes):
@@ -132,13 +133,13 @@ def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # ty
                 wanted = rate + (command + behind * gain) * dt
                 reached = min(max(wanted, -top_rate), top_rate)
                 going = angle + 0.5 * dt * (rate + reached)
-                moved = min(max(going, -top_angle), top_angle)
-                stopped = 1.0 if (wanted != reached) | (going != moved) else 0.0
-                lowest = 0.0 if going < -top_angle else -top_rate
-                highest = 0.0 if going > top_angle else top_rate
-                after = min(max(reached, lowest), highest)
+                bounded = min(max(going, -top_angle), top_angle)
+                into_stop = (abs(going) > inner) & (going * reached > 0.0)
+                moved = math.copysign(top_angle, going) if into_stop else bounded
+                after = 0.0 if into_stop else reached
+                stopped = 1.0 if (wanted != reached) | (going != bounded) | into_stop else 0.0
                 off = moved - (angle + 0.5 * dt * (rate + after))
-                jump[t] = off if going != moved else 0.0
+                jump[t] = off if (going != bounded) | into_stop else 0.0
                 own[t + VALUES * LANES] = (after - rate) * per_step
                 own[t + STOPS * LANES] = max(own[t + STOPS * LANES], stopped)
                 own[t + OWN_LAGGED * LANES] = command + behind * decay
@@ -303,7 +304,7 @@ def step_together(actions, real, state, pool, samples, observation, rows):  # ty
     outputs, rest = rest[: rows_wanted * LANES], rest[rows_wanted * LANES :]
     jumped, feed = rest[:size], rest[size:]
     work = np.empty((JUMPS + BLADES * k) * LANES)
-    # What no flap ever fills, lanes beyond the last turbine and flaps that are stuck, does not move.
+    # What nobody fills, as the jumps of flaps that are stuck, is nothing.
     work[:] = 0.0
     status = 0
     for block in range(blocks):

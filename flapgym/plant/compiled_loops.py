@@ -75,7 +75,8 @@ def close(t, fore_aft, state, own, observation, row):  # type: ignore[no-untyped
     turn = 2.0 * math.pi
     azimuth = own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]
     row[AZIMUTH] = min(max(azimuth - turn * math.floor(azimuth / turn), 0.0), turn)
-    _observe(t, elapsed + 1, state, row, observation)
+    # Past the end of an episode there is no more noise.
+    _observe(t, min(elapsed + 1, int(state[INTERVALS])), state, row, observation)
     status = 0 if abs(row[REWARD]) < math.inf else 1
     return status | (2 if elapsed + 1 >= state[INTERVALS] else 0)
 

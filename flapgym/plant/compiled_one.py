@@ -32,10 +32,10 @@ from flapgym.plant.layout import (
     LAG_DECAY,
     LAG_GAIN,
     LANES,
-    LAST,
     MEAN_SQUARE,
     MODES,
     OBSERVED,
+    OTHERS,
     OWN,
     OWN_ANGLE,
     OWN_AZIMUTH,
@@ -68,6 +68,7 @@ from flapgym.plant.layout import (
     STUCK,
     TIME_STEP,
     TIP,
+    TOUCH,
     TOWER,
     TRAVEL,
     TURN,
@@ -98,7 +99,7 @@ def move(t, actions, state, own, inputs, rows, samples):  # type: ignore[no-unty
     k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
     dt, record = state[TIME_STEP], samples.size > 0
     top_angle, top_rate = state[ANGLE_LIMIT], state[RATE_LIMIT]
-    decay, gain = state[LAG_DECAY], state[LAG_GAIN]
+    decay, gain, inner = state[LAG_DECAY], state[LAG_GAIN], top_angle * (1.0 - TOUCH)
     cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
     azimuth = own[OWN_AZIMUTH] + state[TURN] * k * own[OWN_ELAPSED]
     cosine, sine = math.cos(azimuth), math.sin(azimuth)
@@ -130,13 +131,12 @@ def move(t, actions, state, own, inputs, rows, samples):  # type: ignore[no-unty
             reached = min(max(wanted, -top_rate), top_rate)
             going = angle + 0.5 * dt * (rate + reached)
             moved = min(max(going, -top_angle), top_angle)
-            if (wanted != reached) | (going != moved):
+            into_stop = (abs(going) > inner) & (going * reached > 0.0)
+            if (wanted != reached) | (going != moved) | into_stop:
                 row[STOPPED + b] = 1.0
                 first = min(first, j)
-                if going > top_angle:
-                    reached = min(reached, 0.0)
-                elif going < -top_angle:
-                    reached = max(reached, 0.0)
+                if into_stop:
+                    moved, reached = math.copysign(top_angle, going), 0.0
             own[OWN_TRAVEL + b] += abs(moved - angle)
             own[OWN_ANGLE + b], own[OWN_RATE + b] = moved, reached
             # By what acceleration and angle differ from those of the held acceleration.
@@ -297,7 +297,7 @@ def step_singly(actions, real, state, pool, samples, observation, rows):  # type
     stepping, rest = real[: room * STEP_ROWS], real[room * STEP_ROWS :]
     push, rest = rest[: room * PUSH_ROWS], rest[room * PUSH_ROWS :]
     reading, rest = rest[: room * READ_ROWS], rest[room * READ_ROWS :]
-    others, rest = rest[: LAST * size], rest[LAST * size :]
+    others, rest = rest[: OTHERS * size], rest[OTHERS * size :]
     feed, rest = rest[: given * column], rest[given * column :]
     modes, rest = rest[: n * size], rest[n * size :]
     inputs, outputs = rest[:width], rest[width : width + column]

@@ -112,9 +112,13 @@ class CompiledPlant:
         self._state = np.concatenate([self._head(), self._table(), np.zeros(count * layout.OWN)])
         self._handle = np.zeros(8, dtype=np.int64)
         self._locate()
+        self._renew()
+
+    def _renew(self) -> None:
+        """Compile anew what was compiled from other files."""
         nothing = np.empty(0, np.float32), np.empty(0, np.float32), np.empty(0)
         if self._take_single(self._address, *nothing)[0] == compiled.OUTDATED:
-            self._take_single, self._take_double = load_kernel(setup.precision, afresh=True)
+            self._take_single, self._take_double = load_kernel(self.setup.precision, afresh=True)
 
     def _locate(self) -> None:
         """Note where the arrays are, for the compiled code."""
@@ -130,6 +134,8 @@ class CompiledPlant:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        if self._state[layout.LAYOUT] != compiled.EDITION:
+            raise ValueError("plant: pickled by another version of flapgym; make the environment anew")
         self._real = aligned(self._real, self.setup.precision)
         self._take_single, self._take_double = load_kernel(self.setup.precision)
         self._handle = np.zeros(8, dtype=np.int64)
@@ -152,7 +158,7 @@ class CompiledPlant:
             layout.MODES: kernel.flap.order,
             layout.BLADE_COUNT: setup.blades,
             layout.EVERY: setup.every_sample,
-            layout.DISPLACED: setup.displacements or setup.every_sample,
+            layout.DISPLACED: setup.displacements or setup.every_sample or task.tower_weight > 0.0,
             layout.OBSERVED: task.size,
             layout.TIME_STEP: model.time_step,
             layout.TURN: kernel.turn,
@@ -202,7 +208,7 @@ class CompiledPlant:
         feed[:, :rows] = np.vstack([start, held.held_feed - held.pushed, steps])
         reads = np.stack([flap.read.real, -flap.read.imag], axis=1)
         moments = np.vstack([flap.values.real, flap.values.imag, *reads[: layout.BLADES]])
-        others = np.zeros((layout.LAST, self._size))
+        others = np.zeros((layout.OTHERS, self._size))
         others[: len(reads) - layout.BLADES, self._places] = (
             reads[layout.BLADES :].transpose(0, 2, 1).reshape(-1, 2 * flap.order)
         )
@@ -321,14 +327,14 @@ class CompiledPlant:
         kind = actions.dtype if actions.__class__ is np.ndarray and actions.ndim == 1 else None
         if kind is not FLOAT32 and kind is not FLOAT64:
             raise TypeError("actions: expected a flat array of floats")
-        filled = (observation, rows) if samples is None else (observation, rows, samples)
-        if not all(array.flags.c_contiguous for array in filled):
-            raise TypeError("observation, rows, samples: expected contiguous arrays")
+        for name, array, dtype in (("observation", observation, FLOAT32), ("rows", rows, FLOAT64)):
+            if not (array.dtype is dtype and array.ndim == 1 and array.flags.carray):
+                raise TypeError(f"{name}: expected a flat, contiguous, writeable array of {dtype}")
         take = self._take_single if kind is FLOAT32 else self._take_double
         if samples is None:
             return take(self._address, actions, observation, rows)[0]
-        if samples.dtype != FLOAT64:
-            raise TypeError(f"samples: expected float64, got {samples.dtype}")
+        if not (samples.dtype is FLOAT64 and samples.flags.carray):
+            raise TypeError(f"samples: expected a contiguous, writeable array of {FLOAT64}")
         self._handle[-2:] = samples.ctypes.data, samples.size
         try:
             return take(self._address, actions, observation, rows)[0]

@@ -4,7 +4,12 @@ A flap moves as a double integrator, so the turbine's answer to it splits: what 
 rate would keep up follows the motion m = (angle, rate) at once, and only the rest has a memory of its own. With modes z
 and z^{n+1} = values z^n + B m^n, m^{n+1} = F m^n + f a^n, the shifted modes s = z + G m, where G = B (values - F)^-1,
 obey s^{n+1} = values s^n + G f a^n: three accelerations drive them instead of six inputs. Where a stop makes the
-angles jump by d, s jumps by the angles' part of G times d. All exact.
+angles jump by d, s jumps by the angles' part of G times d.
+
+All exact, but G grows as a mode comes near to what a flap at rest excites: 1, and exp(+-j turn) seen from the fixed
+frame. What G adds is taken off again, so digits are lost. The shipped turbine's nearest mode is 5e-3 away and loses
+none; a tower mode at the rotor's own speed with 0.1 % of damping, 1e-5 away, errs by 4e-9 in double precision and, in
+single, by a third of the tower's motion. Nearer than `NEAREST` the shift is refused.
 """
 
 from __future__ import annotations
@@ -18,6 +23,15 @@ from flapgym.plant.frame import turned
 from flapgym.plant.layout import FLAP_INPUTS
 from flapgym.plant.modal import ComplexArray, Modal
 from flapgym.state_space import Array
+
+NEAREST = 1e-3
+"""Least distance of a mode from what a flap at rest excites: of the loads, 1e-6 is lost in single precision."""
+
+
+def distance(modal: Modal, turn: float) -> float:
+    """Of the nearest mode from what a flap at rest excites."""
+    excited = np.exp(1j * turn * np.arange(-1, 2))
+    return float(np.abs(modal.values[:, None] - excited).min())
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,10 @@ SAMPLE_RBM, SAMPLE_TIP, SAMPLE_TOWER, SAMPLE_WIND, SAMPLE_ANGLE, SAMPLE_RATE = 0
 SAMPLE = 15
 """Columns of a sample."""
 
+TOUCH = 1e-12
+"""Of the angle stop: a flap that is nearer to it, and goes on toward it, is at it. Commands at their bounds bring flaps
+back to the very stop, and round-off must not decide whether they meet it."""
+
 OUTPUTS = 9
 """Of turbine and wind: moments and tip deflections in components, tower, wind."""
 BLADES = 3
@@ -70,5 +74,5 @@ VALUE, DRIVE, READ = 0, 2, 2
 imaginary part in turn to each moment."""
 STEP_ROWS, PUSH_ROWS, READ_ROWS = DRIVE + 2 * STEP_INPUTS, DRIVE + 2 * BLADES, READ + 2 * BLADES
 """For what a step may add; for held accelerations; for the moments."""
-LAST = 6
+OTHERS = 6
 """Outputs beside the moments: tip deflection, tower, wind."""

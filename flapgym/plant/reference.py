@@ -5,12 +5,14 @@ The matrices of the model file as they are, wind and flaps together, no modes, n
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import BLADES, to_blades, to_components
+from flapgym.plant.layout import TOUCH
 from flapgym.state_space import Array
 
 
@@ -87,9 +89,9 @@ def _flap_step(model: TurbineModel, angle: Array, rate: Array, acceleration: Arr
         reached = rate[blade] + acceleration[blade] * model.time_step
         reached = min(max(reached, -model.flap_rate_limit), model.flap_rate_limit)
         moved = angle[blade] + 0.5 * model.time_step * (rate[blade] + reached)
-        if moved > model.flap_angle_limit:
-            moved, reached = model.flap_angle_limit, min(reached, 0.0)
-        elif moved < -model.flap_angle_limit:
-            moved, reached = -model.flap_angle_limit, max(reached, 0.0)
+        # At the very stop round-off must not decide.
+        if abs(moved) > model.flap_angle_limit * (1.0 - TOUCH) and moved * reached > 0.0:
+            moved, reached = math.copysign(model.flap_angle_limit, moved), 0.0
+        moved = min(max(moved, -model.flap_angle_limit), model.flap_angle_limit)
         new_angle[blade], new_rate[blade] = moved, reached
     return new_angle, new_rate

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from flapgym.aeroelastic.multiblade import to_components
 from flapgym.plant.frame import OutputRows, turned
 from flapgym.plant.held import held
 from flapgym.plant.modal import modal_form
+from tests.plant.plants import plant_of
 from tests.synthetic import synthetic_model
 
 TURN = 0.03
@@ -74,3 +77,21 @@ def test_a_held_acceleration_is_the_same_in_every_step():
     by_modes = (modal.read @ (interval.push @ acceleration)).real
     np.testing.assert_allclose((acceleration @ interval.pushed)[-ny:], by_modes, rtol=1e-12)
     assert not (acceleration @ interval.pushed)[:-ny].any()
+
+
+def test_the_nearest_mode_to_the_rotors_speed_decides_who_may_step():
+    model = synthetic_model()
+    plant = plant_of(1, 5, 4, model, kernel="auto")
+    assert type(plant).__name__ == "CompiledPlant"
+    turning = np.exp(1j * model.rotor_speed * model.time_step)
+    close = np.array([[turning.real, -turning.imag], [turning.imag, turning.real]]) * (1.0 - 1e-5)
+    turbine = model.turbine
+    blocked = [
+        scipy.linalg.block_diag(turbine.A, close),
+        np.vstack([turbine.B, np.ones((2, 7))]),
+        np.hstack([turbine.C, np.ones((8, 2))]),
+    ]
+    near = replace(model, turbine=replace(turbine, A=blocked[0], B=blocked[1], C=blocked[2]))
+    assert type(plant_of(1, 5, 4, near, kernel="auto")).__name__ == "LiftedPlant"
+    with pytest.raises(ValueError, match="kernel: the model has a mode too near"):
+        plant_of(1, 5, 4, near, kernel="numba")

@@ -318,3 +318,56 @@ def test_code_compiled_from_other_files_refuses_to_serve():
     row = np.full(layout.ROW, 7.0)
     assert plant.step(np.ones(3, np.float32), np.empty(3, np.float32), row) == compiled.OUTDATED
     assert (row == 7.0).all()
+
+
+@pytest.mark.parametrize("count", [2, 9])
+def test_commands_at_their_bounds_leave_the_kernels_together(count):
+    rows = []
+    for kernel in KERNELS:
+        plant = plant_of(count, 5, 600, kernel=kernel, every_sample=False)
+        plant.reset(np.arange(count), start_of(plant))
+        action = np.random.default_rng(2).choice([-1.0, 1.0], (600, count, 3))
+        rows.append(fly(plant, action)[0])
+    assert rows[0][:, :, layout.STOPPED : layout.STOPPED + 3].any()
+    # Whether a flap that comes to rest at the very stop has met it is anyone's word.
+    for column in (layout.RBM, layout.ANGLE, layout.RATE):
+        got, expected = (each[:, :, column : column + 3] for each in rows)
+        np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("count", [2, 17])
+def test_past_the_end_of_an_episode_no_noise_of_others_is_seen(count):
+    seen = []
+    for kernel in KERNELS:
+        plant = plant_of(count, 5, 4, kernel=kernel, every_sample=False)
+        noise = np.random.default_rng(5).standard_normal((count, 5, 3)) * 1e5
+        plant.reset(np.arange(count), start_of(plant, measurement_noise=noise))
+        seen.append(fly(plant, np.zeros((7, count, 3)))[2])
+    np.testing.assert_allclose(seen[0], seen[1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("count", [1, 20])
+def test_flaps_at_rest_leave_no_denormal_numbers_in_the_modes(count, precision):
+    plant = plant_of(count, 5, 100_000, kernel="numba", every_sample=False, precision=precision, pool=1)
+    plant.reset(np.arange(count), rest(count, realisation=np.zeros(count, dtype=np.int64)))
+    observation, rows = np.empty(6 * count, np.float32), np.empty(count * layout.ROW)
+    plant.step(np.ones(3 * count), observation, rows)
+    for _ in range(30_000):
+        plant.step(np.zeros(3 * count), observation, rows)
+    modes = np.abs(plant._modes(0))
+    assert not ((modes > 0.0) & (modes < np.finfo(precision).tiny)).any()
+
+
+def test_only_flat_writeable_arrays_of_the_right_type_are_filled():
+    plant = plant_of(1, 5, 30, kernel="numba", every_sample=False)
+    plant.reset(np.arange(1), start_of(plant))
+    size = plant.task.size
+    good, row = np.empty(size, np.float32), np.empty(layout.ROW)
+    frozen = np.empty(size, np.float32)
+    frozen.flags.writeable = False
+    for wrong in (np.empty((1, size), np.float32), np.empty(size, np.int32), np.empty(size, ">f4"), frozen):
+        with pytest.raises(TypeError, match="observation"):
+            plant.step(np.zeros(3), wrong, row)
+    with pytest.raises(TypeError, match="rows"):
+        plant.step(np.zeros(3), good, np.empty((1, layout.ROW)))

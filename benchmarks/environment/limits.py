@@ -1,7 +1,7 @@
 """What the machine can do at most: multiply-adds and memory, by the compiler the plant is made with.
 
 An action of k steps takes a batch two multiply-adds a complex mode for each of its 3 k + 6 outputs, four of the mode
-and six for the accelerations of each step, so its distance from the machine is a quotient of two measurements.
+and twelve for what each step adds, so its distance from the machine is a quotient of two measurements.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _bound(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
 def work_per_step(model: TurbineModel, steps_per_action: int) -> float:
     """Multiply-adds of a plant step of one turbine in a batch."""
     kernel = prepare(model, steps_per_action, model.length_scale, False)
-    of_mode = 2 * kernel.rows.count + 4 + 2 * layout.BLADES * steps_per_action
+    of_mode = 2 * kernel.rows.count + 4 + 2 * layout.STEP_INPUTS * steps_per_action
     return kernel.flap.order * of_mode / steps_per_action
 
 

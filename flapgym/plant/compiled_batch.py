@@ -9,7 +9,6 @@ from numba import njit
 
 from flapgym.plant.compiled_loops import C1, OPTIONS, S1, THIRD, close, widest_vectors
 from flapgym.plant.compiled_modes import add_products_of_block, push_block
-from flapgym.plant.compiled_one import components
 from flapgym.plant.layout import (
     ACCELERATION_LIMIT,
     ANGLE,
@@ -51,6 +50,7 @@ from flapgym.plant.layout import (
     SAMPLE_WIND,
     SINE,
     SINE_TURN,
+    STEP_INPUTS,
     STEPS,
     STOPPED,
     STUCK,
@@ -63,9 +63,9 @@ from flapgym.plant.layout import (
     WIND,
 )
 
-COMMANDS, COSINES, SINES, SQUARES, STOPS, SUMS, VALUES, FIRSTS, JUMPS = 12, 15, 16, 17, 18, 21, 24, 30, 31
+COMMANDS, COSINES, SINES, SQUARES, STOPS, SUMS, VALUES, JUMPS, WORK_ROWS = 12, 15, 16, 17, 18, 21, 24, 27, 30
 """Rows of a block's work, behind the first twelve numbers of its records: commands, azimuth at the start, sum of
-squared angles, stops met, sums of squared moments, loads, first sample with a jump, and the jumps at samples 1 to k."""
+squared angles, stops met, sums of squared moments, and loads, or before them accelerations and jumps of the angles."""
 
 
 @njit(**OPTIONS)
@@ -84,7 +84,7 @@ def begin_block(block, lanes, state, pool, outputs):  # type: ignore[no-untyped-
 
 @njit(**OPTIONS)
 def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # type: ignore[no-untyped-def]
-    """`move` for a block of turbines: what the flaps do in every step; jumps of the angles stay in the work."""
+    """`move` for a block of turbines: what the flaps do in every step. Returns whether an angle jumped."""
     widest_vectors()
     k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
     dt, per_step, record = state[TIME_STEP], 1.0 / state[TIME_STEP], samples.size > 0
@@ -104,28 +104,25 @@ def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # ty
                 action = float(actions[(block * LANES + lane) * blades + b])
                 command = min(max(action, -1.0), 1.0) * top_acceleration
             work[(COMMANDS + b) * LANES + lane] = command
-    square, firsts = (
-        work[SQUARES * LANES : (SQUARES + 1) * LANES],
-        work[FIRSTS * LANES : (FIRSTS + 1) * LANES],
-    )
+    square = work[SQUARES * LANES : (SQUARES + 1) * LANES]
     turned = work[SUMS * LANES : (SUMS + 2) * LANES]
     for t in range(LANES):
-        square[t], firsts[t] = 0.0, k + 1.0
+        square[t] = 0.0
         turned[t], turned[t + LANES] = work[COSINES * LANES + t], work[SINES * LANES + t]
     for i in range(BLADES * LANES):
         work[STOPS * LANES + i] = 0.0
     for kind in range(2):
         motion = work[3 * kind * LANES : 3 * (kind + 1) * LANES]
         _components_of_block(motion, turned, state, inputs[3 * kind * LANES : 3 * (kind + 1) * LANES])
-    gained = work[VALUES * LANES : (VALUES + BLADES) * LANES]
+    gained, jumps = work[VALUES * LANES : JUMPS * LANES], work[JUMPS * LANES : WORK_ROWS * LANES]
     for i in range(BLADES * LANES):
-        gained[i] = 0.0
+        gained[i], jumps[i] = 0.0, 0.0
+    off = 0.0
     for j in range(1, k + 1):
-        jumps = work[(JUMPS + BLADES * (j - 1)) * LANES : (JUMPS + BLADES * j) * LANES]
         for b in range(blades):
             if state[STUCK + b] != 0.0:
                 continue
-            own, jump = work[b * LANES : (b + VALUES + 1) * LANES], jumps[b * LANES : (b + 1) * LANES]
+            own = work[b * LANES : (b + JUMPS + 1) * LANES]
             for t in range(LANES):
                 angle, rate = own[t + OWN_ANGLE * LANES], own[t + OWN_RATE * LANES]
                 command = own[t + COMMANDS * LANES]
@@ -138,8 +135,8 @@ def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # ty
                 moved = math.copysign(top_angle, going) if into_stop else bounded
                 after = 0.0 if into_stop else reached
                 stopped = 1.0 if (wanted != reached) | (going != bounded) | into_stop else 0.0
-                off = moved - (angle + 0.5 * dt * (rate + after))
-                jump[t] = off if (going != bounded) | into_stop else 0.0
+                jump = moved - (angle + 0.5 * dt * (rate + after))
+                own[t + JUMPS * LANES] = jump if (going != bounded) | into_stop else 0.0
                 own[t + VALUES * LANES] = (after - rate) * per_step
                 own[t + STOPS * LANES] = max(own[t + STOPS * LANES], stopped)
                 own[t + OWN_LAGGED * LANES] = command + behind * decay
@@ -151,10 +148,12 @@ def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # ty
             turned[t + LANES] = sine * cosine_turn + cosine * sine_turn
         place = FLAP_INPUTS + BLADES * (j - 1)
         _components_of_block(gained, turned, state, inputs[place * LANES : (place + BLADES) * LANES])
-        motion = work[: (FIRSTS + 1) * LANES]
+        place += BLADES * k
+        _components_of_block(jumps, turned, state, inputs[place * LANES : (place + BLADES) * LANES])
+        for t in range(BLADES * LANES):
+            off += abs(jumps[t])
+        motion = work[: (SQUARES + 1) * LANES]
         for t in range(LANES):
-            jumped = (jumps[t] != 0.0) | (jumps[t + LANES] != 0.0) | (jumps[t + 2 * LANES] != 0.0)
-            motion[t + FIRSTS * LANES] = min(motion[t + FIRSTS * LANES], float(j) if jumped else k + 1.0)
             one, two, three = motion[t], motion[t + LANES], motion[t + 2 * LANES]
             motion[t + SQUARES * LANES] += one * one + two * two + three * three
         if record:
@@ -172,6 +171,7 @@ def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # ty
             row[ANGLE + b], row[RATE + b] = own[OWN_ANGLE + b], own[OWN_RATE + b]
             row[TRAVEL + b], row[STOPPED + b] = own[OWN_TRAVEL + b], work[(STOPS + b) * LANES + lane]
         row[REWARD_ANGLE] = -state[WEIGHT_ANGLE] * square[lane] / (k * blades)
+    return off > 0.0
 
 
 @njit(**OPTIONS)
@@ -191,31 +191,6 @@ def _components_of_block(values, azimuths, state, inputs):  # type: ignore[no-un
         inputs[t] = THIRD * (one + two + three)
         inputs[t + LANES] = 2.0 * THIRD * (cosine * along + sine * across)
         inputs[t + 2 * LANES] = 2.0 * THIRD * (sine * along - cosine * across)
-
-
-@njit(**OPTIONS)
-def add_jumps(lane, first, state, width, feed, jumping, work, room, modes, outputs):  # type: ignore[no-untyped-def]
-    """Add what jumps of one turbine's angles do to its outputs of the same interval and to its modes at the end."""
-    k, size = int(state[STEPS]), len(modes) // LANES
-    cosine_turn, sine_turn = state[COSINE_TURN], state[SINE_TURN]
-    cosine, sine = work[COSINES * LANES + lane], work[SINES * LANES + lane]
-    for j in range(1, k + 1):
-        cosine, sine = cosine * cosine_turn - sine * sine_turn, sine * cosine_turn + cosine * sine_turn
-        jump = work[(JUMPS + BLADES * (j - 1)) * LANES + lane :]
-        if j < first or (jump[0] == 0.0 and jump[LANES] == 0.0 and jump[2 * LANES] == 0.0):
-            continue
-        # By way of the room, for numbers of the modes' precision.
-        room[0], room[1], room[2] = components(jump[0], jump[LANES], jump[2 * LANES], cosine, sine, state)
-        one, two, three = room[0], room[1], room[2]
-        column = width - BLADES * (k - j + 1)
-        for row in range(3 * (j - 1), len(outputs) // LANES):
-            of_row = feed[row * width + column : row * width + column + BLADES]
-            outputs[row * LANES + lane] += of_row[0] * one + of_row[1] * two + of_row[2] * three
-        of_step = jumping[BLADES * (j - 1) * size : BLADES * j * size]
-        for i in range(size):
-            room[i] = of_step[i] * one + of_step[i + size] * two + of_step[i + 2 * size] * three
-        for i in range(size):
-            modes[i * LANES + lane] += room[i]
 
 
 @njit(**OPTIONS)
@@ -293,31 +268,25 @@ def step_together(actions, real, state, pool, samples, observation, rows):  # ty
     rows_wanted = 9 * k if state[EVERY] != 0.0 else 3 * k + 6
     blocks = (n + LANES - 1) // LANES
     # Angle and rate at the start, the accelerations of all steps, and the jumps behind them.
-    given = (FLAP_INPUTS + BLADES * k + 1) // 2 * 2
-    width = given + BLADES * k
+    width, steps = FLAP_INPUTS + STEP_INPUTS * k, STEP_INPUTS * k
     decay, rest = real[:size], real[size:]
-    push, rest = rest[: size * BLADES * k], rest[size * BLADES * k :]
-    jumping, rest = rest[: size * BLADES * k], rest[size * BLADES * k :]
+    push, rest = rest[: size * steps], rest[size * steps :]
     reading, rest = rest[: rows_wanted * size], rest[rows_wanted * size :]
     modes, rest = rest[: blocks * size * LANES], rest[blocks * size * LANES :]
-    inputs, rest = rest[: given * LANES], rest[given * LANES :]
-    outputs, rest = rest[: rows_wanted * LANES], rest[rows_wanted * LANES :]
-    jumped, feed = rest[:size], rest[size:]
-    work = np.empty((JUMPS + BLADES * k) * LANES)
-    # What nobody fills, as the jumps of flaps that are stuck, is nothing.
+    inputs, rest = rest[: width * LANES], rest[width * LANES :]
+    outputs, feed = rest[: rows_wanted * LANES], rest[rows_wanted * LANES :]
+    work = np.empty(WORK_ROWS * LANES)
+    # What nobody fills, lanes beyond the last turbine, is nothing at first.
     work[:] = 0.0
     status = 0
     for block in range(blocks):
         lanes = min(LANES, n - block * LANES)
         own_modes = modes[block * size * LANES : (block + 1) * size * LANES]
         begin_block(block, lanes, state, pool, outputs)
-        move_block(block, lanes, actions, state, inputs, work, rows, samples)
-        add_products_of_block(feed, width, rows_wanted, inputs, given // 2, outputs)
+        jumped = move_block(block, lanes, actions, state, inputs, work, rows, samples)
+        add_products_of_block(feed, width, rows_wanted, inputs, width // 2, outputs)
         add_products_of_block(reading, size, rows_wanted, own_modes, count, outputs)
-        push_block(decay, push, own_modes, room // 2, inputs[FLAP_INPUTS * LANES :], BLADES * k)
-        for lane in range(lanes):
-            first = int(work[FIRSTS * LANES + lane])
-            if first <= k:
-                add_jumps(lane, first, state, width, feed, jumping, work, jumped, own_modes, outputs)
+        taken = steps if jumped else BLADES * k
+        push_block(decay, push, steps, own_modes, room // 2, inputs[FLAP_INPUTS * LANES :], taken)
         status |= read_block(block, lanes, state, outputs, work, observation, rows, samples)
     return status

@@ -328,43 +328,45 @@ def add_products_of_block(typingctx, matrix, stride, rows, vectors, pairs, outpu
 
 
 @intrinsic
-def push_block(typingctx, decay, push, modes, pairs, accelerations, count):  # type: ignore[no-untyped-def]
-    """Modes of LANES turbines at the end of an interval under the accelerations of its steps.
+def push_block(typingctx, decay, push, stride, modes, pairs, inputs, count):  # type: ignore[no-untyped-def]
+    """Modes of LANES turbines at the end of an interval under what its steps add.
 
     Parameters
     ----------
     decay : (4 pairs,) float
         What an interval leaves of each mode, real and imaginary part in turn.
-    push : (4 pairs count,) float
-        Accelerations to real and imaginary part of each mode in turn.
+    push : (4 pairs stride,) float
+        Accelerations of all steps, then jumps, to real and imaginary part of each mode in turn.
+    stride : int
     modes : (4 pairs LANES,) float
         Real and imaginary part of each mode in turn; overwritten.
     pairs : int
-        Of modes: two at a time share what is read of the accelerations.
-    accelerations : (count LANES,) float
+        Of modes: two at a time share what is read of the inputs.
+    inputs : (count LANES,) float
     count : int
+        Of the inputs that are not zero.
     """
     kind = decay.dtype
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         v = _Vectors(context, builder, kind)
-        decay, push, modes, accelerations = (v.start(signature.args[i], arguments[i]) for i in (0, 1, 2, 4))
-        count, quad = arguments[5], 2 * PARTS
-        with cgutils.for_range(builder, arguments[3]) as pairs:
+        decay, push, modes, inputs = (v.start(signature.args[i], arguments[i]) for i in (0, 1, 3, 5))
+        stride, quad = arguments[2], 2 * PARTS
+        with cgutils.for_range(builder, arguments[4]) as pairs:
             at = builder.mul(pairs.index, v.whole(quad))
             values = [v.number_at(decay, at, row) for row in range(quad)]
             places = [v.place(modes, pairs.index, quad, row) for row in range(quad)]
             before = [v.load(place) for place in places]
             left = v.times(values[:PARTS], before[:PARTS]) + v.times(values[PARTS:], before[PARTS:])
             sums = [v.variable(part) for part in left]
-            starts = [builder.mul(builder.add(at, v.whole(row)), count) for row in range(quad)]
-            with cgutils.for_range(builder, count) as columns:
-                acceleration = v.load(v.place(accelerations, columns.index, 1))
+            starts = [builder.mul(builder.add(at, v.whole(row)), stride) for row in range(quad)]
+            with cgutils.for_range(builder, arguments[6]) as columns:
+                given = v.load(v.place(inputs, columns.index, 1))
                 for start, total in zip(starts, sums, strict=True):
                     factor = v.number_at(push, builder.add(start, columns.index))
-                    builder.store(v.sum([(factor, acceleration)], builder.load(total)), total)
+                    builder.store(v.sum([(factor, given)], builder.load(total)), total)
             for total, place in zip(sums, places, strict=True):
                 v.store(v.flushed(builder.load(total)), place)
         return context.get_dummy_value()
 
-    return types.void(decay, push, modes, types.intp, accelerations, types.intp), generate
+    return types.void(decay, push, types.intp, modes, types.intp, inputs, types.intp), generate

@@ -189,8 +189,7 @@ class CompiledPlant:
         rows, places = self._kernel.rows.count, -(-self.count // lanes) * lanes
         if self._batch:
             constants, feed = self._constants_of_batch()
-            given = feed.size // rows - layout.BLADES * self.setup.steps_per_action
-            behind = [np.zeros((given + rows) * lanes + self._size), feed]
+            behind = [np.zeros((feed.size // rows + rows) * lanes), feed]
         else:
             constants, feed = self._constants_of_one()
             room = -(-len(self._kernel.held.feed) // layout.LANES) + 1 + -(-rows // layout.LANES)
@@ -219,24 +218,17 @@ class CompiledPlant:
         """The same for turbines side by side."""
         held, flap, k = self._kernel.held, self._kernel.flap, self.setup.steps_per_action
         order, rows, size = flap.order, self._kernel.rows.count, self._size
-        decay, push = np.zeros((size // 2, 2)), np.zeros((size // 2, 2, k, layout.BLADES))
-        jumping = np.zeros((k, layout.BLADES, size))
+        decay, push = np.zeros((size // 2, 2)), np.zeros((size // 2, 2, 2, k, layout.BLADES))
         powers = flap.values[:, None] ** np.arange(k - 1, -1, -1)
-        by_step = _parts(powers[:, :, None] * held.step[:, None])
+        by_step = (powers[:, :, None] * held.step[:, None]).reshape(order, k, 2, layout.BLADES)
         decay[:order] = _parts(held.decay)
-        push[:order] = np.moveaxis(by_step[:, :, : layout.BLADES], -1, 1)
-        jumping[:, :, : 2 * order] = (
-            by_step[:, :, layout.BLADES :].transpose(1, 2, 0, 3).reshape(k, layout.BLADES, -1)
-        )
+        push[:order] = _parts(by_step).transpose(0, 4, 2, 1, 3)
         reading = np.zeros((rows, size))
         reading[:, : 2 * order] = held.read.T
-        fed = held.feed[layout.FLAP_INPUTS :].reshape(k, 2, layout.BLADES, rows)
-        given = -(-(layout.FLAP_INPUTS + layout.BLADES * k) // 2) * 2
-        feed = np.zeros((rows, given + layout.BLADES * k))
-        feed[:, : layout.FLAP_INPUTS] = held.feed[: layout.FLAP_INPUTS].T
-        for kind, first in enumerate((layout.FLAP_INPUTS, given)):
-            feed[:, first : first + layout.BLADES * k] = fed[:, kind].reshape(-1, rows).T
-        return [part.ravel() for part in (decay, push, jumping, reading)], feed.ravel()
+        start, steps = np.split(held.feed, [layout.FLAP_INPUTS])
+        steps = steps.reshape(k, 2, layout.BLADES, rows).swapaxes(0, 1).reshape(-1, rows)
+        feed = np.ascontiguousarray(np.vstack([start, steps]).T)
+        return [part.ravel() for part in (decay, push, reading)], feed.ravel()
 
     def _grouped(self, rows: Array) -> Array:
         """Numbers of the modes, (rows, modes), group by group, filled up with zeros."""

@@ -162,6 +162,15 @@ def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # ty
                 for b in range(BLADES):
                     samples[sample + SAMPLE_ANGLE + b] = work[(OWN_ANGLE + b) * LANES + lane]
                     samples[sample + SAMPLE_RATE + b] = work[(OWN_RATE + b) * LANES + lane]
+    _keep(block, lanes, state, work, rows)
+    return off > 0.0
+
+
+@njit(**OPTIONS)
+def _keep(block, lanes, state, work, rows):  # type: ignore[no-untyped-def]
+    """What the flaps of a block have done, back into its records and rows."""
+    k, blades = int(state[STEPS]), int(state[BLADE_COUNT])
+    records = HEAD + ENTRY * int(state[OBSERVED]) + block * LANES * OWN
     for lane in range(lanes):
         own = state[records + lane * OWN : records + (lane + 1) * OWN]
         row = rows[(block * LANES + lane) * ROW : (block * LANES + lane + 1) * ROW]
@@ -170,8 +179,7 @@ def move_block(block, lanes, actions, state, inputs, work, rows, samples):  # ty
         for b in range(BLADES):
             row[ANGLE + b], row[RATE + b] = own[OWN_ANGLE + b], own[OWN_RATE + b]
             row[TRAVEL + b], row[STOPPED + b] = own[OWN_TRAVEL + b], work[(STOPS + b) * LANES + lane]
-        row[REWARD_ANGLE] = -state[WEIGHT_ANGLE] * square[lane] / (k * blades)
-    return off > 0.0
+        row[REWARD_ANGLE] = -state[WEIGHT_ANGLE] * work[SQUARES * LANES + lane] / (k * blades)
 
 
 @njit(**OPTIONS)

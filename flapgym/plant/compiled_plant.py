@@ -212,7 +212,7 @@ class CompiledPlant:
             reads[layout.BLADES :].transpose(0, 2, 1).reshape(-1, 2 * flap.order)
         )
         modes = [_with_drive(flap.values, held.step), _with_drive(held.decay, held.push), moments]
-        return [*(self._grouped(rows) for rows in modes), others.ravel()], feed.ravel()
+        return [*(self._grouped(each) for each in modes), others.ravel()], feed.ravel()
 
     def _constants_of_batch(self) -> tuple[list[Array], Array]:
         """The same for turbines side by side."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields
+from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain
 from flapgym.turbine.machine import Turbine
 from flapgym.turbine.units import DEGREE
 
@@ -291,6 +292,11 @@ class Case:
     def to_dict(self) -> dict[str, Any]:
         """Return every value of the case and its turbine as nested dictionaries, lists and numbers, in SI."""
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Case:
+        """Make the case again that `to_dict` wrote, such as the one a model file holds; raises ValueError."""
+        return from_plain(cls, values)
 
     def hash(self) -> str:
         """SHA-256 (hexadecimal) over every value of the case and its turbine but their two names."""

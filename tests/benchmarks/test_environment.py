@@ -7,8 +7,9 @@ import json
 import pytest
 
 from benchmarks.environment import kernels, limits, peers, report, timing
-from benchmarks.environment.__main__ import fill, main
+from benchmarks.environment.__main__ import main
 from benchmarks.environment.peers import FLAPGYM, PENDULUM, Subject
+from benchmarks.page import fill
 from flapgym.aeroelastic import load_model
 from tests.synthetic import synthetic_model
 

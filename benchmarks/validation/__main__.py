@@ -1,7 +1,7 @@
 """The model beside OpenFAST: `python -m benchmarks.validation`, or `make validate`.
 
-Prints one table for each model and writes `results/validation.json` and `.png`, both of the first one; `--docs
-docs/validation.md` puts table and picture into the page. Some ten seconds a model.
+Prints the table of each model and writes `results/validation.json`, `.md` and `.png`, those of the first one; `--docs
+docs/validation.md` puts its table and picture into the page. Some ten seconds a model.
 """
 
 from __future__ import annotations
@@ -18,41 +18,55 @@ from benchmarks.validation.picture import draw
 from benchmarks.validation.report import comparison_table, verdict
 from flapgym.aeroelastic import load_model
 from flapgym.atomic import write_atomically
+from flapgym.evaluation import writable_folder
 
 PICTURE = Path("figures") / "validation.png"
-"""From the page."""
+"""Seen from the page."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare the models asked for; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="benchmarks.validation", description=(__doc__ or "").splitlines()[0]
-    )
-    parser.add_argument("--model", nargs="+", default=["nrel5mw-rated"], help="models' names or files")
-    parser.add_argument("--output", type=Path, default=Path("results"), help="folder (default: results)")
-    parser.add_argument("--docs", type=Path, help="page whose table and picture are replaced")
-    options = parser.parse_args(arguments)
+    """Compare the models asked for; return the exit code: 0, or 2 for bad input."""
+    options = _parser().parse_args(arguments)
     try:
         models = [load_model(name) for name in options.model]
+        folder = writable_folder(options.output)
+        page = None if options.docs is None else options.docs.read_text(encoding="utf-8")
         comparisons = [compare(model) for model in models]
     except (OSError, ValueError) as error:
-        parser.error(str(error))
+        print(f"benchmarks.validation: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
     for comparison in comparisons:
-        print(f"\n{comparison_table(comparison)}\n\n{verdict(comparison)}")
+        print(f"{comparison_table(comparison)}\n\n{verdict(comparison)}\n")
     first = comparisons[0]
-    options.output.mkdir(parents=True, exist_ok=True)
-    content = json.dumps(as_data(first), indent=2) + "\n"
+    table, picture = comparison_table(first), draw(first)
+    data = json.dumps(as_data(first), indent=2, allow_nan=False) + "\n"
     written = {
-        options.output / "validation.json": content.encode(),
-        options.output / "validation.png": draw(first),
+        folder / "validation.json": data.encode(),
+        folder / "validation.md": f"![{first.model}](validation.png)\n\n{table}\n".encode(),
+        folder / "validation.png": picture,
     }
-    if options.docs is not None:
-        filled = fill(options.docs.read_text(encoding="utf-8"), {"comparison": comparison_table(first)})
-        written |= {options.docs: filled.encode(), options.docs.parent / PICTURE: draw(first)}
-    for path, data in written.items():
-        write_atomically(path, data)
+    if page is not None:
+        written |= {
+            options.docs: fill(page, {"comparison": table}).encode(),
+            options.docs.parent / PICTURE: picture,
+        }
+    for path, content in written.items():
+        path.parent.mkdir(exist_ok=True)
+        write_atomically(path, content)
         print(f"written: {path}")
     return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.validation", description=(__doc__ or "").splitlines()[0]
+    )
+    parser.add_argument("--model", nargs="+", default=["nrel5mw-rated"], help="models' names or files")
+    parser.add_argument(
+        "--output", type=Path, default=Path("results"), help="folder for the files (default: %(default)s)"
+    )
+    parser.add_argument("--docs", type=Path, metavar="PAGE", help="page whose table and picture are replaced")
+    return parser
 
 
 def as_data(comparison: Comparison) -> dict[str, object]:

@@ -17,7 +17,7 @@ from benchmarks.validation.measures import (
     step_answer,
 )
 from benchmarks.validation.reference import WIND_SPEED, Figures, Series, read_figures, read_series
-from benchmarks.validation.rows import AtLeast, Between, Near, Row, Unit, Within
+from benchmarks.validation.rows import AtLeast, Between, Limit, Near, Row, Unit, Within
 from benchmarks.validation.steady import Means, RigidAnswer, means, rigid_answer
 from flapgym.aeroelastic import TurbineModel
 from flapgym.turbine import Case
@@ -28,7 +28,6 @@ PER_WIND = Unit("MN m per m/s", 1e6), Unit("m per m/s"), Unit("m per m/s", decim
 PER_DEGREE = Unit("MN m per deg", 1e6, decimals=4), Unit("m per deg", decimals=4)
 
 PROGRAMS = ("BeamDyn", "ElastoDyn")
-INFLOWS = ("quasi-steady", "dynamic")
 SIZES = {"BeamDyn": Within(0.06), "ElastoDyn": Within(0.08)}  # of root moment and tip in turbulence
 FATIGUE = {"BeamDyn": Within(0.05), "ElastoDyn": Within(0.08)}
 BAND = Within(0.08)  # of BeamDyn's, below BAND_LIMIT
@@ -53,9 +52,9 @@ class Comparison:
         Its name.
     tables : mapping
         Rows by the heading they stand under.
-    ours, theirs : mapping
-        Series by program, as OpenFAST's file names them: under the step with dynamic inflow, and in turbulence without
-        the start-up. Ours are perturbations, theirs hold the means.
+    step, turbulence : mapping
+        Ours and theirs under the same wind by program, theirs with dynamic inflow; turbulence without its start-up.
+        Ours are perturbations, theirs hold the means.
     """
 
     model: str
@@ -86,8 +85,8 @@ def compare(model: TurbineModel) -> Comparison:
         ours, theirs = _both(model, f"turbulence_{name.lower()}_dynamic")
         turbulence[name] = aligned(ours), aligned(theirs)
     tables = {
-        "Turbulence": turbulence_rows(turbulence),
-        "Elastic turbine, per m/s of steady wind": gain_rows(model),
+        **{f"Turbulence, {name}": turbulence_rows(name, *pair) for name, pair in turbulence.items()},
+        **{f"Steady wind, {name}": gain_rows(model, name) for name in PROGRAMS},
         "Step of 1 m/s": step_rows(model, step),
         "Flap, all blades alike": flap_rows(model, figures),
         "Rigid rotor": rigid_rows(rigid_answer(case), figures),
@@ -101,20 +100,17 @@ def _both(model: TurbineModel, name: str) -> tuple[Series, Series]:
     return respond(model, theirs), theirs
 
 
-def turbulence_rows(turbulence: Mapping[str, tuple[Series, Series]]) -> tuple[Row, ...]:
+def turbulence_rows(name: str, ours: Series, theirs: Series) -> tuple[Row, ...]:
     """Sizes of the loads under the same wind."""
-    rows: list[Row] = []
-    for name, (ours, theirs) in turbulence.items():
-        one, other = statistics(ours), statistics(theirs)
-        rows += [
-            Row("RBM, standard deviation", MOMENT, one.rbm_std, {name: other.rbm_std}, SIZES[name]),
-            Row("RBM, DEL", MOMENT, one.rbm_del, {name: other.rbm_del}, FATIGUE[name]),
-            Row("tip, standard deviation", METRES, one.tip_std, {name: other.tip_std}, SIZES[name]),
-            Row("tower top, standard deviation", TOWER, one.tower_std, {name: other.tower_std}),
-            *band_rows(name, one, other),
-            Row(f"RBM, correlation with {name}", Unit(""), correlation(ours, theirs), {}, CORRELATION),
-        ]
-    return tuple(rows)
+    one, other = statistics(ours), statistics(theirs)
+    return (
+        Row("RBM, standard deviation", MOMENT, one.rbm_std, {name: other.rbm_std}, SIZES[name]),
+        Row("RBM, DEL", MOMENT, one.rbm_del, {name: other.rbm_del}, FATIGUE[name]),
+        Row("tip, standard deviation", METRES, one.tip_std, {name: other.tip_std}, SIZES[name]),
+        Row("tower top, standard deviation", TOWER, one.tower_std, {name: other.tower_std}),
+        *band_rows(name, one, other),
+        Row("RBM, correlation of the two", Unit(""), correlation(ours, theirs), {}, CORRELATION),
+    )
 
 
 def band_rows(name: str, ours: Statistics, theirs: Statistics) -> list[Row]:
@@ -131,23 +127,24 @@ def band_rows(name: str, ours: Statistics, theirs: Statistics) -> list[Row]:
     ]
 
 
-def gain_rows(model: TurbineModel) -> tuple[Row, ...]:
-    """Steady answer to the wind: ours exactly, OpenFAST's over a step from 11 to 12 m/s."""
+def gain_rows(model: TurbineModel, name: str) -> tuple[Row, ...]:
+    """Answer to steady wind: ours exactly, OpenFAST's over a step from 11 to 12 m/s."""
     outputs = ("rbm_0", "tip_deflection_0", "tower_fore_aft")
     ours = model.turbine.select(inputs=["wind"], outputs=outputs).dc_gain()[:, 0]
-    rows = []
-    for name in PROGRAMS:
-        steps = {
-            inflow: step_answer(
-                read_series(f"step_{name.lower()}_{inflow.replace('-', '_')}"), revolution(model)
-            )
-            for inflow in INFLOWS
-        }
-        held = (GAIN, GAIN, TOWER_GAIN) if name == "BeamDyn" else (None, None, None)
-        for column, (quantity, of) in enumerate((("RBM", "rbm"), ("tip", "tip"), ("tower top", "tower"))):
-            independent = {f"{name} {inflow}": float(getattr(step, of)) for inflow, step in steps.items()}
-            rows.append(Row(quantity, PER_WIND[column], float(ours[column]), independent, held[column]))
-    return tuple(rows)
+    stem = f"step_{name.lower()}"
+    steps = {
+        f"{name} quasi-steady": step_answer(read_series(f"{stem}_quasi_steady"), revolution(model)),
+        f"{name} dynamic": step_answer(read_series(f"{stem}_dynamic"), revolution(model)),
+    }
+    rows: tuple[tuple[str, dict[str, float], Limit], ...] = (
+        ("RBM", {inflow: step.rbm for inflow, step in steps.items()}, GAIN),
+        ("tip", {inflow: step.tip for inflow, step in steps.items()}, GAIN),
+        ("tower top", {inflow: step.tower for inflow, step in steps.items()}, TOWER_GAIN),
+    )
+    return tuple(
+        Row(quantity, unit, float(gain), independent, limit if name == "BeamDyn" else None)
+        for (quantity, independent, limit), unit, gain in zip(rows, PER_WIND, ours, strict=True)
+    )
 
 
 def revolution(model: TurbineModel) -> float:
@@ -197,10 +194,13 @@ def rigid_rows(ours: RigidAnswer, figures: Figures) -> tuple[Row, ...]:
 
 def mean_rows(ours: Means, figures: Figures) -> tuple[Row, ...]:
     """Steady loads and shape at 11 m/s."""
-    moment, degrees = Unit("MN m", 1e6, decimals=2), Unit("deg", DEGREE, decimals=2)
+    kilonewton, moment = Unit("kN", 1e3, decimals=0), Unit("MN m", 1e6, decimals=2)
+    degrees = Unit("deg", DEGREE, decimals=2)
     return (
-        Row("thrust, rigid", Unit("kN", 1e3, decimals=0), ours.thrust, figures.thrust),
+        Row("thrust, rigid", kilonewton, ours.thrust, figures.thrust),
         Row("torque, rigid", moment, ours.torque, figures.torque, TORQUE),
+        Row("thrust, bent blades", kilonewton, ours.bent_thrust, {}),
+        Row("torque, bent blades", moment, ours.bent_torque, {}),
         Row("aerodynamic root moment, rigid", moment, ours.aerodynamic_moment, figures.aerodynamic_moment),
         Row("root reaction", moment, ours.root_reaction, figures.root_reaction, ROOT_REACTION),
         Row("tip", Unit("m", decimals=2), ours.tip, figures.tip, TIP),

@@ -34,6 +34,8 @@ class Means:
     ----------
     thrust, torque, aerodynamic_moment : float
         Of the rigid, undeflected rotor [N, N m]; of a blade about its root, flapwise [N m].
+    bent_thrust, bent_torque : float
+        Of the rotor in its trim [N, N m].
     root_reaction : float
         Flapwise moment at the root of the elastic blade [N m].
     tip : float
@@ -45,6 +47,8 @@ class Means:
     thrust: float
     torque: float
     aerodynamic_moment: float
+    bent_thrust: float
+    bent_torque: float
     root_reaction: float
     tip: float
     twist: float
@@ -53,7 +57,8 @@ class Means:
 def means(case: Case) -> Means:
     """The means of a case."""
     rigid = mean_loads(case, build_aerodynamics(case))
-    blade = trim(case).blade
+    balance = trim(case)
+    blade = balance.blade
     straight = blade_beam(
         case.turbine, case.discretisation.blade_elements, case.operating_point.pitch
     ).reference
@@ -63,6 +68,8 @@ def means(case: Case) -> Means:
         thrust=rigid.thrust,
         torque=rigid.torque,
         aerodynamic_moment=rigid.root_moment,
+        bent_thrust=balance.loads.thrust,
+        bent_torque=balance.loads.torque,
         root_reaction=-float(blade.root_load[4]),  # of the hub on the blade, against the load
         tip=float(moved @ [np.cos(cone), 0.0, np.sin(cone)]),
         twist=nose_up(blade.orientation[-1]) - nose_up(straight.orientation[-1]),

@@ -7,15 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.validation.reference import Array
-from flapgym.aerodynamics import (
-    Aerodynamics,
-    build_aerodynamics,
-    collective_response,
-    mean_loads,
-    root_moment_load,
-    steady_circulation,
-)
-from flapgym.aerodynamics.report import root_moment_inputs, steady_gains
+from flapgym.aerodynamics import rigid_rotor, root_moment_load
 from flapgym.aeroelastic.trim import trim
 from flapgym.structure import blade_beam
 from flapgym.turbine import Case
@@ -56,7 +48,7 @@ class Means:
 
 def means(case: Case) -> Means:
     """The means of a case."""
-    rigid = mean_loads(case, build_aerodynamics(case))
+    rigid = rigid_rotor(case).loads
     balance = trim(case)
     blade = balance.blade
     straight = blade_beam(
@@ -113,23 +105,22 @@ class RigidAnswer:
 
 def rigid_answer(case: Case) -> RigidAnswer:
     """The answer of a case's lattice."""
-    aero = build_aerodynamics(case)
-    gust = root_moment_inputs(case, aero)[:, :1]
-    gain, flap = steady_gains(case, aero)
-    signal = np.ones((round(LONG / aero.time_step), 1))
-    moment = collective_response(aero, signal, gust, root_moment_load(aero, case))[:, 0]
-    early = round(EARLY / aero.time_step)
+    rotor = rigid_rotor(case)
+    load = root_moment_load(rotor.aero, case)
+    gain, flap = rotor.steady(load)[0]
+    moment = rotor.step(LONG, load)[:, 0]
+    early = round(EARLY / rotor.aero.time_step)
     return RigidAnswer(
         gain=float(gain),
         early=float(moment[early]),
         peak=float(moment[early:].max()),
         end=float(moment[-1]),
-        torque=steady_torque(aero, gust),
+        torque=rotor.aero.blades * float(rotor.steady(shaft_moment(rotor.aero.force_point))[0, 0]),
         flap=float(flap),
     )
 
 
-def steady_torque(aero: Aerodynamics, gust: Array) -> float:
-    """Torque of the rotor [N m per m/s] under the downwash (n, 1) of a steady homogeneous gust."""
-    force = (aero.force.sum(axis=0) @ steady_circulation(aero, gust)).reshape(-1, 3)
-    return aero.blades * float(np.cross(aero.force_point, force)[:, 0].sum())
+def shaft_moment(point: Array) -> Array:
+    """Row (1, 3 P) that sums forces at points (P, 3) to the moment about the shaft."""
+    # (r x F) . e_x = y F_z - z F_y
+    return np.stack([np.zeros(len(point)), -point[:, 2], point[:, 1]], axis=-1).reshape(1, -1)

@@ -10,7 +10,7 @@ import scipy
 import scipy.linalg
 
 from flapgym import __version__
-from flapgym.aerodynamics import Aerodynamics
+from flapgym.aerodynamics import Aerodynamics, MeanFlow
 from flapgym.aeroelastic.blade_lattice import (
     blade_lattice,
     reduce_component,
@@ -142,13 +142,15 @@ def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
     balance = trim(case)
     blade = balance.blade
     frequency, shape = normal_modes(blade.mass, blade.stiffness, case.reduction.blade_modes)
+    flow = MeanFlow(balance.mean, balance.loads)
     parts = Parts(
         case=case,
         blade=blade,
         support=linear_support(case.turbine, case.rotor_speed),
         frequency=frequency,
         shape=shape,
-        lattice=blade_lattice(case, balance.rotor, blade, shape),
+        lattice=blade_lattice(case, balance.rotor, blade, shape, flow),
+        flow=flow,
     )
     return parts, balance.rotor
 

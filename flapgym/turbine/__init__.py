@@ -1,6 +1,15 @@
 """The machine and the case: frozen data read from TOML files with units, refused where they are not understood."""
 
-from flapgym.turbine.case import Blades, Case, Discretisation, Flap, OperatingPoint, Reduction, Turbulence
+from flapgym.turbine.case import (
+    Airloads,
+    Blades,
+    Case,
+    Discretisation,
+    Flap,
+    OperatingPoint,
+    Reduction,
+    Turbulence,
+)
 from flapgym.turbine.files import BUILT_IN, load_case, load_turbine
 from flapgym.turbine.machine import (
     Airfoil,
@@ -8,7 +17,9 @@ from flapgym.turbine.machine import (
     Drivetrain,
     Hub,
     Nacelle,
+    PitchAxis,
     Planform,
+    Polar,
     Rotor,
     TowerSections,
     Turbine,
@@ -17,6 +28,7 @@ from flapgym.turbine.machine import (
 __all__ = [
     "BUILT_IN",
     "Airfoil",
+    "Airloads",
     "BladeSections",
     "Blades",
     "Case",
@@ -26,7 +38,9 @@ __all__ = [
     "Hub",
     "Nacelle",
     "OperatingPoint",
+    "PitchAxis",
     "Planform",
+    "Polar",
     "Reduction",
     "Rotor",
     "TowerSections",

@@ -86,6 +86,49 @@ class Discretisation:
 
 
 @dataclass(frozen=True)
+class Airloads:
+    """How the lattice is laid on the blade, and what its loads take in.
+
+    Attributes
+    ----------
+    elastic_axis : float or "published"
+        Where the beam's axis crosses the chords, from the leading edge over the chord: "published" for the turbine's
+        own pitch axis by station, or one fraction for the whole blade.
+    lift_slope, mean_lift : "thin aerofoil" or "sections"
+        Whether the strips have the lift slope of a flat plate or that of their aerofoils' polars, in the perturbations
+        and in the mean load.
+    profile : "none" or "mean"
+        Whether the sections' drag and pitching moment about their aerodynamic centres enter the mean load. The
+        perturbations leave them out either way.
+    mean_wake : float or "perturbations"
+        Length of the wake behind the mean load, in rotor diameters; "perturbations" for the lattice's own wake.
+    mean_induction : float or "momentum"
+        Axial induction that slows that wake: a factor, or the one that momentum theory finds for its own thrust.
+    linearisation : "mean flow" or "full"
+        Forces of the perturbed circulation in the mean flow, as in the paper, or also those of the mean
+        circulation in the perturbed flow.
+    """
+
+    elastic_axis: Annotated[
+        float | Literal["published"], Quantity("number", words=("published",), at_least=0.0, at_most=1.0)
+    ]
+    lift_slope: Annotated[Literal["thin aerofoil", "sections"], Choice(("thin aerofoil", "sections"))]
+    mean_lift: Annotated[Literal["thin aerofoil", "sections"], Choice(("thin aerofoil", "sections"))]
+    profile: Annotated[Literal["none", "mean"], Choice(("none", "mean"))]
+    mean_wake: Annotated[
+        float | Literal["perturbations"],
+        Quantity("length in rotor diameters", words=("perturbations",), above=0.0, at_most=10.0),
+    ]
+    mean_induction: Annotated[
+        float | Literal["momentum"], Quantity("number", words=("momentum",), at_least=0.0, below=0.5)
+    ]
+    linearisation: Annotated[Literal["mean flow", "full"], Choice(("mean flow", "full"))]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "airloads")
+
+
+@dataclass(frozen=True)
 class Flap:
     """The trailing-edge flap of each blade and the limits of its actuator.
 
@@ -196,6 +239,7 @@ class Case:
     turbine: Turbine
     operating_point: OperatingPoint
     discretisation: Discretisation
+    airloads: Airloads
     flap: Flap
     reduction: Reduction
     turbulence: Turbulence

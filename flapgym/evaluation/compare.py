@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from flapgym.aeroelastic.model import TurbineModel, load_model
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
+from flapgym.control.growth import Growth, agent_growth
 from flapgym.evaluation.bootstrap import Estimate, paired_change
 from flapgym.evaluation.metrics import Metrics, Record, measure
 from flapgym.evaluation.report import writable_folder, write_report
@@ -67,6 +68,9 @@ class Comparison:
         By agent name, open loop first.
     records : dict of str to Record
         Blade signals of the first realisation, by agent name.
+    growths : dict of str to Growth
+        What grows in the linear loop, by name of those agents in whose loop something does; the stops, left out there,
+        bound it in the scores.
     model_name, model_hash : str
     realisations : int
     seed : int
@@ -79,6 +83,7 @@ class Comparison:
 
     scores: dict[str, Score]
     records: dict[str, Record]
+    growths: dict[str, Growth]
     model_name: str
     model_hash: str
     realisations: int
@@ -146,9 +151,11 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
             bar.set_description(agent.name)
             metrics[agent.name], records[agent.name] = _run(agent, model, seeds, duration, bar)
     _require_one_wind(records)
+    growths = {agent.name: agent_growth(agent, model) for agent in comparison.agents}
     return Comparison(
         scores={agent.name: _score(agent, model, metrics) for agent in comparison.agents},
         records=records,
+        growths={name: grows for name, grows in growths.items() if grows is not None},
         model_name=model.name,
         model_hash=model.hash,
         realisations=len(seeds),

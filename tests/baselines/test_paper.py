@@ -152,6 +152,23 @@ def test_margins_are_where_the_loop_begins_to_grow(tmp_path):
         assert (closed_loop(MODEL, late).spectral_radius() < 1.0) == stable
 
 
+def test_a_loop_that_grows_as_it_is_has_no_margins_and_its_own_frequency(tmp_path):
+    agent = lqg_agent("lqg", MODEL, Weights(30.0))
+    strong = replace(MODEL, turbine=with_effectiveness(MODEL.turbine, 10.0))
+    found = dict(zip(MARGINS, margins("lqg", agent.system, strong, Cache(tmp_path, "a")), strict=True))
+    values = np.linalg.eigvals(closed_loop(strong, agent.system).A)
+    frequency = abs(np.angle(values[np.abs(values).argmax()])) / (2.0 * np.pi * MODEL.time_step)
+    for margin, least in (
+        ("disk margin", 0),
+        ("gain up to", 1),
+        ("flap's effect up to", 0),
+        ("delay up to [ms]", 0),
+    ):
+        assert found[margin] == least
+    for name in ("at [Hz]", "more grows at [Hz]", "longer grows at [Hz]"):
+        assert found[name] == pytest.approx(frequency)
+
+
 def test_what_grows_and_what_has_no_bound_is_said():
     changes = np.tile([[-0.2], [-0.2], [0.04], [np.nan], [np.nan]], len(CONDITIONS) + 1)
     worse = changes.copy()

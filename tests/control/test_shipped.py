@@ -10,14 +10,17 @@ from flapgym.control import (
     AGENT_NAMES,
     BladeController,
     RotorController,
+    Weights,
     closed_loop,
     load_agent,
+    lqg_agent,
     made_for,
     stationary_rms,
 )
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.control.margins import disk_margin
 from flapgym.evaluation import compare, measure, simulate
+from tests.loops import radius_at_worst
 
 TUNED = ("pd", "pid", "individual_flap", "lqg", "lqg_saturating")
 WHOLE = "lqg_multiblade_saturating"
@@ -44,6 +47,23 @@ def test_the_loop_on_the_whole_turbine_has_the_disk_margin_and_bears_the_gain_it
     assert margin.alpha >= 0.54
     for factor in np.linspace(*margin.gain, 5):
         assert closed_loop(model, agent.system, factor).spectral_radius() < 1.0
+
+
+@pytest.mark.parametrize("name", [*TUNED, WHOLE])
+def test_the_worst_matrix_just_inside_the_disk_is_borne_and_one_just_outside_makes_the_loop_grow(model, name):
+    agent = load_agent(name, model)
+    assert isinstance(agent, BladeController | RotorController)
+    margin = disk_margin(model, agent.system)
+    inside, outside = (radius_at_worst(model, agent.system, margin, share) for share in (0.99, 1.01))
+    assert inside < 1.0 < outside
+
+
+def test_a_peak_beside_the_loops_own_modes_is_found(model):
+    """A design whose margin reads 0.54 on a grid and at its modes; a factor of 0.519 already lets it grow."""
+    weights = Weights(rbm=419.8042925663985, acceleration=3600.0, measurement_noise=0.02)
+    margin = disk_margin(model, lqg_agent("heavy", model, weights).system)
+    assert margin.alpha == pytest.approx(0.509, abs=5e-4)
+    assert margin.frequency == pytest.approx(1.0807, abs=1e-4)
 
 
 def test_the_limit_respecting_lqg_is_near_the_papers_reductions(model):

@@ -11,11 +11,13 @@ from flapgym.aerodynamics.response import (
 )
 from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load
 from flapgym.aerodynamics.steady import MeanLoads, mean_loads
+from flapgym.aerodynamics.transport import WakeTransport, moving_wake_response, wake_transport
 
 __all__ = [
     "Aerodynamics",
     "MeanLoads",
     "RotorWake",
+    "WakeTransport",
     "build_aerodynamics",
     "collective_response",
     "convected_gust_downwash",
@@ -23,7 +25,9 @@ __all__ = [
     "gust_downwash",
     "march",
     "mean_loads",
+    "moving_wake_response",
     "root_moment_load",
     "steady_circulation",
     "transfer_function",
+    "wake_transport",
 ]

@@ -1,0 +1,194 @@
+"""The wake's answer to slow wind: a wake that moves with the wind, and the one state that stands for it.
+
+The lattice's wake keeps to a fixed helix, cut a quarter diameter behind the rotor. When the wind rises a real wake
+moves faster: the vortices of the mean circulation stand farther apart and induce less, which the fixed helix leaves
+out; the rest of a long wake induces more, which the cut leaves out. Here a long wake that moves is linearised in how
+far its rows are displaced, and what it has over the short one becomes one state on the wind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import minimize_scalar
+
+from flapgym.aerodynamics.biot_savart import ring_influence
+from flapgym.aerodynamics.downwash import gust_downwash
+from flapgym.aerodynamics.lattice import SHED_AGE, rotation_about_x, wake_nodes
+from flapgym.aerodynamics.model import Aerodynamics
+from flapgym.aerodynamics.response import collective_response
+from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load, wake_rows
+from flapgym.state_space import StateSpace
+from flapgym.turbine import Case
+
+Array = NDArray[np.float64]
+
+_SHIFT = 1e-4  # of the way a row travels in a step: how far corners are moved to difference the influence
+
+
+@dataclass(frozen=True)
+class WakeTransport:
+    """Effective wind u + gain x with time_constant x' = u - x: what a fixed, short wake leaves out of slow wind.
+
+    For wind that is the same over rotor and wake at one time; a wind that travels with the air has a longer lag. Of
+    the loads it is the root moment that was fitted. A gust of a tenth of the wind, up or down, changes the moving
+    wake's own response by 0.5 %. Flaps do not carry the wake; what a longer one takes from them acts below 0.02 Hz and
+    is left out.
+
+    Attributes
+    ----------
+    gain : float
+        What a steady wind gains.
+    time_constant : float
+        [s]
+    misfit : float
+        Largest difference of the fitted step response from the wanted one, over the latter's end.
+    """
+
+    gain: float
+    time_constant: float
+    misfit: float
+
+    def state_space(self, time_step: float) -> StateSpace:
+        """One state from wind to effective wind, exact for a wind linear between steps.
+
+        The input's part at the end of a step is moved into the state, as in the coupled model.
+        """
+        ratio = time_step / self.time_constant
+        decay = np.exp(-ratio)
+        ahead = 1.0 - (1.0 - decay) / ratio
+        return StateSpace(
+            A=np.array([[decay]]),
+            B=np.array([[1.0 - decay - ahead + decay * ahead]]),
+            C=np.array([[self.gain]]),
+            D=np.array([[1.0 + self.gain * ahead]]),
+            time_step=time_step,
+            inputs=("wind",),
+            outputs=("wind",),
+        )
+
+
+def displaced_wake_downwash(aero: Aerodynamics, circulation: ArrayLike) -> Array:
+    """Downwash (n, K + 1) [m/s per m] by which each row of wake corners, moved downwind on all blades, acts on a blade.
+
+    Parameters
+    ----------
+    circulation : (strips,) float
+        Steady circulation that each strip sheds [m^2/s].
+    """
+    shed = np.asarray(circulation, dtype=float)
+    wake = wake_nodes(aero.lattice, aero.inflow, aero.time_step, aero.wake_rows)
+    # The last bound ring goes first: its rear is the first row of corners and must move with it.
+    node = np.concatenate([aero.lattice.node[-2:-1], wake])
+    ring = np.arange(len(node) - 1)
+    shift = _SHIFT * aero.inflow.wake_velocity[0] * aero.time_step
+    downwash = np.zeros((aero.collocation.shape[0], len(node)))
+    for parity in (0, 1):  # every other row of corners at once: a ring feels one of its two rows move
+        moved = np.where(ring % 2 == parity, ring, ring + 1)
+        for side in (-1.0, 1.0):
+            corners = node.copy()
+            corners[parity::2, :, 0] += side * shift
+            felt = _all_blades(aero, corners) @ shed
+            np.add.at(downwash.T, moved, side / (2.0 * shift) * felt.T)
+    return downwash[:, 1:]
+
+
+def _all_blades(aero: Aerodynamics, node: Array) -> Array:
+    """Normal velocity (n, rings, strips) of rings that all blades carry alike."""
+    turns = (rotation_about_x(2.0 * np.pi * blade / aero.blades).T for blade in range(aero.blades))
+    return np.asarray(sum(ring_influence(aero.collocation, aero.normal, node @ turn) for turn in turns))
+
+
+def wake_displacement(wind: ArrayLike, time_step: float, rows: int) -> Array:
+    """How far the wind (T,) [m/s], none before, has carried each row of corners, shape (T, rows + 1) [m].
+
+    A row of an age is carried by the wind since it was shed.
+    """
+    travelled = cumulative_trapezoid(np.asarray(wind, dtype=float), dx=time_step, initial=0.0)
+    time = np.arange(len(travelled)) * time_step
+    ages = (np.arange(rows + 1) + SHED_AGE) * time_step
+    return travelled[:, None] - np.interp(time[:, None] - ages, time, travelled)
+
+
+def moving_wake_response(
+    aero: Aerodynamics, circulation: ArrayLike, wind: ArrayLike, load: ArrayLike
+) -> Array:
+    """Loads (T, ny) in time, from rest, under a homogeneous gust that also carries the wake along.
+
+    Linear in the gust, about a steady circulation; the loads are those of the perturbed circulation in the mean flow.
+
+    Parameters
+    ----------
+    circulation : (strips,) float
+        Mean circulation that each strip sheds [m^2/s].
+    wind : (T,) float
+        Gust along the shaft at every time step [m/s].
+    load : (ny, 3 P) float
+        As in `collective_response`.
+    """
+    wind = np.asarray(wind, dtype=float)
+    carried = wake_displacement(wind, aero.time_step, aero.wake_rows)
+    struck = wind[:, None] * gust_downwash(aero).sum(axis=1)
+    downwash = struck + carried @ displaced_wake_downwash(aero, circulation).T
+    return collective_response(aero, downwash, np.eye(downwash.shape[1]), load)
+
+
+def march_case(case: Case, wake_length: float, panels: int = 3) -> Case:
+    """The case with a wake of another length and, at the same ratio of row to panel, no more than so many panels."""
+    grid = case.discretisation
+    panels = min(grid.chordwise_panels, panels)
+    step = grid.time_step * grid.chordwise_panels / panels
+    coarse = replace(grid, chordwise_panels=panels, time_step=step, wake_length=wake_length)
+    return replace(case, discretisation=coarse)
+
+
+def fitted_state(given: Array, wanted: Array, time_step: float, first: int) -> WakeTransport:
+    """The state before a system of step response `given` (T,) that comes nearest to `wanted` from step `first` on."""
+    missing = (wanted - given)[first:]
+
+    def fit(log_time: float) -> tuple[float, Array]:
+        """Best gain at a time constant, and the error left."""
+        lag = WakeTransport(1.0, float(np.exp(log_time)), 0.0).state_space(time_step)
+        lagged = (lag.simulate(given[:, None])[:, 0] - given)[first:]
+        gain = float(lagged @ missing / (lagged @ lagged))
+        return gain, missing - gain * lagged
+
+    bounds = float(np.log(time_step)), float(np.log(len(given) * time_step))
+    log_time = float(minimize_scalar(lambda x: (fit(x)[1] ** 2).sum(), bounds=bounds, method="bounded").x)
+    gain, error = fit(log_time)
+    misfit = np.abs(error).max() / abs(wanted[-1])
+    return WakeTransport(gain=gain, time_constant=float(np.exp(log_time)), misfit=float(misfit))
+
+
+def wake_transport(
+    case: Case, circulation: ArrayLike, *, wake_length: float = 2.0, panels: int = 3
+) -> WakeTransport:
+    """The state that makes up for the case's fixed wake, by the root moment after a step of wind.
+
+    The rigid rotor is marched with a long wake that moves with the wind, until it has been renewed. Gain and time
+    constant are those with which the case's own wake behind the state comes nearest, in least squares.
+
+    Parameters
+    ----------
+    case : Case
+        Its `discretisation.induction` slows both wakes alike.
+    circulation : (strips,) float
+        Mean circulation that each strip sheds [m^2/s].
+    wake_length : float
+        Length of the moving wake in rotor diameters; a third one adds 1.3 % to the gain.
+    panels : int
+        Chordwise panels of the march, at most; 3 and 6 give the same gain to 0.3 %, the same time constant to 1 %.
+    """
+    own = case.discretisation.wake_length
+    moving, fixed = march_case(case, max(wake_length, own), panels), march_case(case, own, panels)
+    wind, step = np.ones(wake_rows(moving)), moving.discretisation.time_step
+    aero = build_aerodynamics(moving)
+    wanted = moving_wake_response(aero, circulation, wind, root_moment_load(aero, moving))[:, 0]
+    aero = build_aerodynamics(fixed)
+    gust = gust_downwash(aero).sum(axis=1, keepdims=True)
+    given = collective_response(aero, wind[:, None], gust, root_moment_load(aero, fixed))[:, 0]
+    # In the first steps the unsteady force differences the step itself.
+    return fitted_state(given, wanted, step, first=len(aero.force))

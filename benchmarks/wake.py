@@ -98,7 +98,8 @@ def marched(case: Case, length: float, gust: float) -> list[Array]:
     moment = collective_loads(aero, circulation - circulation[0], load) / (1e6 * gust)
     shed = circulation[0, -aero.lattice.strips :]
     linear = moving_wake_response(aero, shed, wind, load)[:, 0] / 1e6
-    return [COARSE_STEP * np.arange(len(wind), dtype=float), moment, linear]
+    # The wind steps halfway between the first two instants.
+    return [COARSE_STEP * (np.arange(len(wind), dtype=float) - 0.5), moment, linear]
 
 
 def collective_loads(aero: Aerodynamics, circulation: Array, load: Array) -> Array:

@@ -23,6 +23,7 @@ from flapgym.aerodynamics.response import (
 from flapgym.aerodynamics.rigid import RigidRotor, rigid_rotor
 from flapgym.aerodynamics.rotor import build_aerodynamics, build_mean_aerodynamics, root_moment_load
 from flapgym.aerodynamics.steady import MeanLoads, mean_loads, momentum_induction
+from flapgym.aerodynamics.transport import WakeState, WakeTransport, moving_wake_response, wake_transport
 
 __all__ = [
     "Aerodynamics",
@@ -32,6 +33,8 @@ __all__ = [
     "RigidRotor",
     "RotorWake",
     "SegmentMotion",
+    "WakeState",
+    "WakeTransport",
     "bound_segments",
     "build_aerodynamics",
     "build_mean_aerodynamics",
@@ -47,9 +50,11 @@ __all__ = [
     "march",
     "mean_loads",
     "momentum_induction",
+    "moving_wake_response",
     "rigid_rotor",
     "root_moment_load",
     "steady_circulation",
     "steady_response",
     "transfer_function",
+    "wake_transport",
 ]

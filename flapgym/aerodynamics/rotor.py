@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +10,6 @@ from flapgym.aerodynamics.model import Aerodynamics, WakeEnd, assemble
 from flapgym.turbine import Case
 
 Array = NDArray[np.float64]
-LiftReading = Literal["thin aerofoil", "sections"]
 
 MEAN_WAKE_TURN = np.deg2rad(5.0)
 """Turn of the rotor in which a mean wake of its own grows by a row [rad]; half of it moves the thrust by less than a
@@ -39,15 +36,20 @@ def elastic_axis(case: Case, radius: Array) -> Array:
     return np.full_like(radius, float(chosen))
 
 
-def lift_lines(case: Case, reading: LiftReading) -> tuple[Array, Array]:
-    """Lift slope [1/rad] and zero-lift angle [rad] of the strips, each (strips,), in one of a case's readings."""
-    planform, radius = case.turbine.planform, mid_radius(case)
-    foils = [case.turbine.airfoil(name) for name in planform.airfoil]
-    if reading == "sections":
-        slope, zero = zip(*(foil.working_line() for foil in foils), strict=True)
-        return np.interp(radius, planform.radius, slope), np.interp(radius, planform.radius, zero)
-    zero = [foil.zero_lift_angle_attached for foil in foils]
-    return np.full_like(radius, 2.0 * np.pi), np.interp(radius, planform.radius, zero)
+def zero_lift_angles(case: Case) -> Array:
+    """Angles of attack (strips,) [rad] at which the strips' sections have no lift."""
+    planform = case.turbine.planform
+    angle = [case.turbine.airfoil(name).zero_lift_angle_attached for name in planform.airfoil]
+    return np.interp(mid_radius(case), planform.radius, angle)
+
+
+def lift_slopes(case: Case) -> Array | None:
+    """Lift slopes (strips,) [1/rad] of the perturbations' strips; None for the flat plate's, which is the lattice's own."""
+    if case.airloads.lift_slope == "thin aerofoil":
+        return None
+    planform = case.turbine.planform
+    slope = [case.turbine.airfoil(name).normal_force_slope for name in planform.airfoil]
+    return np.interp(mid_radius(case), planform.radius, slope)
 
 
 def rotor_inflow(case: Case, induction: float) -> Inflow:
@@ -128,8 +130,9 @@ def build_aerodynamics(
         Whether the wake ends with its last ring's rear vortex, see `assemble`.
     """
     inflow = rotor_inflow(case, case.discretisation.induction)
-    lift = case.airloads.lift_slope
-    return _assembled(case, inflow, lift, blades, positions, turned, wake_end, wake_rows(case), None)
+    return _assembled(
+        case, inflow, lift_slopes(case), blades, positions, turned, wake_end, wake_rows(case), None
+    )
 
 
 def build_mean_aerodynamics(
@@ -141,7 +144,7 @@ def build_mean_aerodynamics(
 ) -> Aerodynamics:
     """The same with the wake that the case asks for behind the mean load, slowed by an induction: for steady flow only.
 
-    Its rows are as long as the rotor takes to turn by `MEAN_WAKE_TURN`. Parameters as for `build_aerodynamics`.
+    Strips have the flat plate's lift slope; the wake's rows are as long as the rotor takes to turn by `MEAN_WAKE_TURN`. Parameters as for `build_aerodynamics`.
 
     Raises
     ------
@@ -153,14 +156,13 @@ def build_mean_aerodynamics(
     inflow, step = rotor_inflow(case, induction), MEAN_WAKE_TURN / case.rotor_speed
     length = case.airloads.mean_wake * 2.0 * case.turbine.rotor.radius
     rows = max(1, round(length / (inflow.wake_velocity[0] * step)))
-    lift = case.airloads.mean_lift
-    return _assembled(case, inflow, lift, blades, positions, turned, "closed", rows, step)
+    return _assembled(case, inflow, None, blades, positions, turned, "closed", rows, step)
 
 
 def _assembled(
     case: Case,
     inflow: Inflow,
-    lift: LiftReading,
+    lift_slope: Array | None,
     blades: int,
     positions: Array | None,
     turned: Array | None,
@@ -177,8 +179,7 @@ def _assembled(
         blades=blades,
         wake_end=wake_end,
         wake_step=wake_step,
-        # The flat plate of thin-aerofoil theory is what the lattice is by itself.
-        lift_slope=lift_lines(case, lift)[0] if lift == "sections" else None,
+        lift_slope=lift_slope,
     )
 
 

@@ -18,7 +18,7 @@ from flapgym.aerodynamics.lattice import wake_nodes
 from flapgym.aerodynamics.loads import leading_segments, side_segments
 from flapgym.aerodynamics.model import Aerodynamics, blade_turns
 from flapgym.aerodynamics.response import steady_circulation
-from flapgym.aerodynamics.rotor import lift_lines, mid_radius, strip_radius
+from flapgym.aerodynamics.rotor import mid_radius, strip_radius, zero_lift_angles
 from flapgym.turbine import Case
 
 Array = NDArray[np.float64]
@@ -90,55 +90,30 @@ class Sections:
     Attributes
     ----------
     incidence : angle of attack that the circulation tells [rad]
-    lift, drag, moment : coefficients of the polars there, the moment about the aerodynamic centre, nose up
+    drag, moment : coefficients of the polars there, the moment about the aerodynamic centre, nose up
     """
 
     incidence: Array
-    lift: Array
     drag: Array
     moment: Array
 
 
-def sections(case: Case, aero: Aerodynamics, circulation: Array, zero_lift_angle: Array) -> Sections:
-    """Read the polars at the incidence that lift, and so circulation (n,), tells; no induced velocity is needed.
+def sections(case: Case, aero: Aerodynamics, circulation: Array) -> Sections:
+    """Read the polars at the incidence that flat plates' circulation (n,) tells; no induced velocity is needed.
 
     Between stations of the planform the coefficients of their aerofoils are interpolated along the blade.
     """
     planform, radius = case.turbine.planform, mid_radius(case)
     speed, chord, _ = _strip_flow(aero)
     around = circulation.reshape(aero.lattice.chordwise, -1)[-1]
-    incidence = (
-        zero_lift_angle + 2.0 * around / (speed * chord) / lift_lines(case, case.airloads.mean_lift)[0]
-    )
+    incidence = zero_lift_angles(case) + around / (np.pi * speed * chord)
     by_station = np.array([case.turbine.airfoil(name).polar.at(incidence) for name in planform.airfoil])
     # (station, coefficient, strip): each strip between its own two stations.
-    lift, drag, moment = (
+    drag, moment = (
         np.array([np.interp(r, planform.radius, by_station[:, k, s]) for s, r in enumerate(radius)])
-        for k in range(3)
+        for k in range(2)
     )
-    return Sections(incidence, lift, drag, moment)
-
-
-def mean_circulation(case: Case, aero: Aerodynamics) -> tuple[Array, Array]:
-    """Steady circulation (n,) [m^2/s] of a case's blade, and the strips' zero-lift angles (strips,) [rad] it stands on.
-
-    With the sections' own lift the strips follow their polars, kinks and all: the straight line of lift is shifted
-    until it passes through the polar at the incidence found.
-    """
-    slope, zero_lift = lift_lines(case, case.airloads.mean_lift)
-
-    def lifted(angle: Array) -> Array:
-        return steady_circulation(aero, incidence_downwash(aero, angle)[:, None])[:, 0]
-
-    circulation = lifted(zero_lift)
-    if case.airloads.mean_lift == "sections":
-        for _ in range(20):
-            found = sections(case, aero, circulation, zero_lift)
-            before, zero_lift = zero_lift, found.incidence - found.lift / slope
-            circulation = lifted(zero_lift)
-            if np.abs(zero_lift - before).max() < 1e-10:
-                break
-    return circulation, zero_lift
+    return Sections(incidence, drag, moment)
 
 
 def _strip_flow(aero: Aerodynamics) -> tuple[Array, Array, Array]:
@@ -187,6 +162,8 @@ class MeanLoads:
         Bound circulation of a blade [m^2/s].
     zero_lift_angle : (strips,) float
         Angle of attack at which the straight lines of lift that the circulation stands on have none [rad].
+    incidence : (strips,) float
+        Angle of attack that the circulation tells [rad].
     force_point, force : (q, 3) float
         Where on blade 1 the mean forces act [m] and the forces [N], in S: Joukowski's, then the sections' drag.
     couple_point, couple : (k, 3) float
@@ -207,6 +184,7 @@ class MeanLoads:
 
     circulation: Array
     zero_lift_angle: Array
+    incidence: Array
     force_point: Array
     force: Array
     couple_point: Array
@@ -237,11 +215,13 @@ def mean_loads(case: Case, aero: Aerodynamics) -> MeanLoads:
     """Mean loads of a case's rotor, on blades shaped as the lattice is."""
     rotor, point = case.turbine.rotor, case.operating_point
     edge = strip_radius(case)
-    circulation, zero_lift = mean_circulation(case, aero)
+    zero_lift = zero_lift_angles(case)
+    circulation = steady_circulation(aero, incidence_downwash(aero, zero_lift)[:, None])[:, 0]
 
     lead, side = leading_segments(aero.lattice), side_segments(aero.lattice)
     lifting, at = joukowski_force(aero, circulation), np.concatenate([lead.midpoint, side.midpoint])
-    drag_point, drag, couple = profile_loads(aero, sections(case, aero, circulation, zero_lift))
+    found = sections(case, aero, circulation)
+    drag_point, drag, couple = profile_loads(aero, found)
     if case.airloads.profile == "none":
         drag_point, drag, couple = drag_point[:0], drag[:0], couple[:0]
     points, force = np.concatenate([at, drag_point]), np.concatenate([lifting, drag])
@@ -260,6 +240,7 @@ def mean_loads(case: Case, aero: Aerodynamics) -> MeanLoads:
     return MeanLoads(
         circulation=circulation,
         zero_lift_angle=zero_lift,
+        incidence=found.incidence,
         force_point=points,
         force=force,
         couple_point=drag_point,

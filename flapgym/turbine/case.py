@@ -94,9 +94,9 @@ class Airloads:
     elastic_axis : float or "published"
         Where the beam's axis crosses the chords, from the leading edge over the chord: "published" for the turbine's
         own pitch axis by station, or one fraction for the whole blade.
-    lift_slope, mean_lift : "thin aerofoil" or "sections"
-        Whether the strips have the lift slope of a flat plate or that of their aerofoils' polars, in the perturbations
-        and in the mean load.
+    lift_slope : "thin aerofoil" or "sections"
+        Whether the strips have the lift slope of a flat plate in the perturbations, or those listed with the polars. In
+        the mean load they have the flat plate's, from the polars' angles without lift.
     profile : "none" or "mean"
         Whether the sections' drag and pitching moment about their aerodynamic centres enter the mean load. The
         perturbations leave them out either way.
@@ -107,13 +107,15 @@ class Airloads:
     linearisation : "mean flow" or "full"
         Forces of the perturbed circulation in the mean flow, as in the paper, or also those of the mean
         circulation in the perturbed flow.
+    slow_wake : "frozen" or "moving"
+        Whether slow wind and flaps meet the lattice's own wake, a fixed helix, alone, or what a long wake that moves
+        with the wind adds to it: a collective state each.
     """
 
     elastic_axis: Annotated[
         float | Literal["published"], Quantity("number", words=("published",), at_least=0.0, at_most=1.0)
     ]
     lift_slope: Annotated[Literal["thin aerofoil", "sections"], Choice(("thin aerofoil", "sections"))]
-    mean_lift: Annotated[Literal["thin aerofoil", "sections"], Choice(("thin aerofoil", "sections"))]
     profile: Annotated[Literal["none", "mean"], Choice(("none", "mean"))]
     mean_wake: Annotated[
         float | Literal["perturbations"],
@@ -123,6 +125,7 @@ class Airloads:
         float | Literal["momentum"], Quantity("number", words=("momentum",), at_least=0.0, below=0.5)
     ]
     linearisation: Annotated[Literal["mean flow", "full"], Choice(("mean flow", "full"))]
+    slow_wake: Annotated[Literal["frozen", "moving"], Choice(("frozen", "moving"))]
 
     def __post_init__(self) -> None:
         check_fields(self, "airloads")

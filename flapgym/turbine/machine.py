@@ -222,11 +222,6 @@ class PitchAxis:
         check_fields(self, "pitch_axis")
 
 
-ATTACHED = (0.0, 6.0 * DEGREE)
-"""Angles of attack between which an aerofoil's polar is read as a straight line of lift [rad]: below rated wind the
-outer blade works at the upper end, and a gust of one m/s moves it by less than a degree."""
-
-
 @dataclass(frozen=True, eq=False)
 class Polar:
     """A section's published coefficients in attached flow; arrays (n,) over the angle of attack.
@@ -246,10 +241,9 @@ class Polar:
     def __post_init__(self) -> None:
         check_fields(self, "airfoils.polar")
 
-    def at(self, angle: Array) -> tuple[Array, Array, Array]:
-        """Lift, drag and moment at angles [rad]; beyond the table its last values."""
+    def at(self, angle: Array) -> tuple[Array, Array]:
+        """Drag and moment at angles [rad]; beyond the table its last values."""
         return (
-            np.interp(angle, self.angle, self.lift),
             np.interp(angle, self.angle, self.drag),
             np.interp(angle, self.angle, self.moment),
         )
@@ -268,6 +262,8 @@ class Airfoil:
         The one the polar's file lists [rad].
     lift_slope : float
         Of that line [1/rad]; zero for a section that carries no lift.
+    normal_force_slope : float
+        The slope of the normal force in attached flow that the polar's file lists [1/rad].
     polar : Polar
     """
 
@@ -275,17 +271,11 @@ class Airfoil:
     zero_lift_angle_attached: _Angle
     zero_lift_angle_listed: _Angle
     lift_slope: Annotated[float, Quantity("slope", at_least=0.0)]
+    normal_force_slope: Annotated[float, Quantity("slope", at_least=0.0)]
     polar: Polar
 
     def __post_init__(self) -> None:
         check_fields(self, "airfoils")
-
-    def working_line(self) -> tuple[float, float]:
-        """Lift slope [1/rad] and zero-lift angle [rad] of the straight line through the polar at `ATTACHED`'s ends."""
-        low, high = ATTACHED
-        lift = self.polar.at(np.array(ATTACHED))[0]
-        slope = float(lift[1] - lift[0]) / (high - low)
-        return slope, (low - float(lift[0]) / slope if slope > 0.0 else 0.0)
 
 
 @dataclass(frozen=True, eq=False)

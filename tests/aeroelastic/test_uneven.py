@@ -9,7 +9,7 @@ import scipy.linalg
 
 from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.blade_lattice import reduce_stacked
-from flapgym.aeroelastic.build import assemble_parts, azimuth_steps, build_model
+from flapgym.aeroelastic.build import assemble_parts, azimuth_steps, build_model, slow_wake
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
 from flapgym.aeroelastic.export import save_mat
@@ -91,7 +91,9 @@ def in_components(u, azimuth):
 
 def test_series_evaluates_to_the_steps_it_was_made_of_between_its_samples(uneven):
     parts, components = uneven
-    at = azimuth_steps(parts, multiblade_aerodynamics(*components, CASE.rotor_speed, DT), DT)
+    at = azimuth_steps(
+        parts, multiblade_aerodynamics(*components, CASE.rotor_speed, DT), slow_wake(parts.mean)
+    )
     mean, periodic = fourier_series(at)
     u, azimuth = blade_signals(400)
     ours = simulate_periodic(mean, periodic, in_components(u, azimuth), azimuth)

@@ -44,7 +44,7 @@ def zero_lift_angles(case: Case) -> Array:
 
 
 def lift_slopes(case: Case) -> Array | None:
-    """Lift slopes (strips,) [1/rad] of the perturbations' strips; None for the flat plate's, which is the lattice's own."""
+    """Lift slopes (strips,) [1/rad] of the perturbations; None for the flat plate's, which is the lattice's own."""
     if case.airloads.lift_slope == "thin aerofoil":
         return None
     planform = case.turbine.planform
@@ -144,7 +144,8 @@ def build_mean_aerodynamics(
 ) -> Aerodynamics:
     """The same with the wake that the case asks for behind the mean load, slowed by an induction: for steady flow only.
 
-    Strips have the flat plate's lift slope; the wake's rows are as long as the rotor takes to turn by `MEAN_WAKE_TURN`. Parameters as for `build_aerodynamics`.
+    Strips have the flat plate's lift slope; the wake's rows are as long as the rotor takes to turn by `MEAN_WAKE_TURN`.
+    Parameters as for `build_aerodynamics`.
 
     Raises
     ------

@@ -31,12 +31,8 @@ def readings(case: Case) -> tuple[str, ...]:
             if wake == "perturbations"
             else f"a wake of {wake:g} diameters with induction"
         ),
-        "perturbations: "
-        + (
-            "lift slope 2 pi"
-            if loads.lift_slope == "thin aerofoil"
-            else "the polars' lift slopes about the mean incidence"
-        )
+        "perturbations: lift slope "
+        + ("2 pi" if loads.lift_slope == "thin aerofoil" else "listed with the sections' polars")
         + "; no change of drag and pitching moment, no dynamic stall",
         "forces are those of the perturbed circulation in the mean flow"
         + (
@@ -48,7 +44,7 @@ def readings(case: Case) -> tuple[str, ...]:
         + (
             ""
             if loads.slow_wake == "frozen"
-            else "; a state each for slow wind and collective flaps stands for its moving"
+            else "; slow wind and collective flaps have a state each for its moving"
         ),
         "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",
         "gravity left out; perturbations about the trim under the mean air and centrifugal load",

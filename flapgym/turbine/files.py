@@ -20,7 +20,10 @@ from flapgym.turbine.machine import Turbine
 
 T = TypeVar("T")
 
-BUILT_IN = {"turbine": ("nrel5mw",), "case": ("nrel5mw-rated", "nrel5mw-corrected", "nrel5mw-heavy-blade")}
+BUILT_IN = {
+    "turbine": ("nrel5mw",),
+    "case": ("nrel5mw-corrected", "nrel5mw-corrected-heavy-blade", "nrel5mw-rated", "nrel5mw-heavy-blade"),
+}
 
 
 def load_turbine(name_or_path: str | os.PathLike[str] = "nrel5mw") -> Turbine:

@@ -157,7 +157,9 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Version History
 
-    - v0: first version.
+    - v1: the turbine as published and held to OpenFAST, model `nrel5mw-corrected`: beam and lattice joined at the pitch
+      axis by station, sections' own lift slope, drag and moment, all linear terms of the loads, a wake that moves.
+    - v0: the turbine as the paper reads it, model `nrel5mw-rated`. Its ids stay, with `-v0`.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 (Gymnasium's form)

@@ -84,7 +84,8 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     if mode is not None and not stat.S_ISREG(mode):
         raise FileExistsError(f"{path}: expected a regular file or none there, got {kind_of_file(mode)}")
     if not target.parent.is_dir():
-        raise FileNotFoundError(f"{path}: no folder {target.parent}; make it first")
+        folder = target.parent if os.path.islink(path) else Path(path).parent
+        raise FileNotFoundError(f"{path}: no folder {folder}; make it first")
     # Renaming asks for nothing but the folder: a file that its owner protected would be replaced all the same.
     if not os.access(target.parent, os.W_OK | os.X_OK) or (
         mode is not None and not os.access(target, os.W_OK)
@@ -139,7 +140,8 @@ def _kept(stack: contextlib.ExitStack, target: Path) -> Path | None:
         os.link(target, second)
     except OSError:  # not every file system has hard links
         shutil.copy2(target, second)
-    _hold(stack.enter_context(open(second, "rb")))
+    file = stack.enter_context(second.open("rb"))
+    _hold(file)
     return second
 
 

@@ -36,7 +36,7 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "UTF-16"),
 )
 # tomllib's time goes with the square of the parts of a dotted key.
-_LONG_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){%d}""" % DEEPEST)
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}""")
 _HALF_CHARACTER = re.compile("[\ud800-\udfff]")  # what UTF-16 writes in two parts
 
 
@@ -154,8 +154,22 @@ def _problem(value: object, name: str, finite: bool, depth: int) -> str | None:
     if isinstance(value, dict | list | tuple):
         if depth >= DEEPEST:
             return f"{place}: expected at most {DEEPEST} levels of nesting"
-        entries = value.items() if isinstance(value, dict) else enumerate(value)
-        return _problem_within(entries, name, finite, depth + 1)
+        if isinstance(value, dict):
+            for key in value:
+                if not isinstance(key, str) or _HALF_CHARACTER.search(key):
+                    return f"{place}: expected texts as keys, got {shown(key)}"
+            entries: Iterable[tuple[str, object]] = (
+                (f"{name}.{key}" if name else key, value[key]) for key in value
+            )
+        else:
+            # Lists of a million numbers are common: the good ones take no call.
+            entries = (
+                (f"{name}[{index}]", entry)
+                for index, entry in enumerate(value)
+                if type(entry) is not float or not math.isfinite(entry)
+            )
+        problems = (_problem(entry, below, finite, depth + 1) for below, entry in entries)
+        return next(filter(None, problems), None)
     if isinstance(value, float):
         return (
             f"{place}: expected a finite number, got {value}" if finite and not math.isfinite(value) else None
@@ -169,26 +183,6 @@ def _problem(value: object, name: str, finite: bool, depth: int) -> str | None:
     if value is None or not finite:  # TOML has dates and times, too
         return None
     return f"{place}: expected a number, a text, a list or a mapping, got {shown(value)}"
-
-
-def _problem_within(
-    entries: Iterable[tuple[object, object]], name: str, finite: bool, depth: int
-) -> str | None:
-    for key, entry in entries:
-        # Lists of a million numbers are common: the good ones take no call.
-        if type(entry) is float and math.isfinite(entry) and type(key) is int:
-            continue
-        if isinstance(key, int):
-            place = f"{name}[{key}]"
-        elif isinstance(key, str):
-            place = f"{name}.{key}" if name else key
-        else:
-            return f"{one_line(name)}: expected texts as keys, got {shown(key)}"
-        if isinstance(key, str) and _HALF_CHARACTER.search(key):
-            return f"{one_line(name) or 'the document'}: expected texts as keys, got {shown(key)}"
-        if problem := _problem(entry, place, finite, depth):
-            return problem
-    return None
 
 
 def _refuse_constant(text: str) -> NoReturn:

@@ -90,7 +90,7 @@ def test_an_impossible_name_costs_one_line(name):
         ('{"a": "\\ud800"}', "a: expected text, got half of a character in '\\ud800'"),
         ('{"\\udc00": 1}', "expected texts as keys"),
         ('{"a": 1, "a": 2}', "the key 'a' stands there twice"),
-        ('{"a": %s1%s}' % ("[" * 40, "]" * 40), "expected at most 32 levels of nesting"),
+        ('{"a": ' + 40 * "[" + 40 * "]" + "}", "expected at most 32 levels of nesting"),
         ("[" * 100_000, "nested too deeply"),
         ('{"a":' * 100_000, "nested too deeply"),
     ],

@@ -6,12 +6,10 @@ import os
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from flapgym.envs.observation import QUANTITIES
+from flapgym.control.agent_checks import BLADE_QUANTITIES, check_name
 from flapgym.files import read_toml
 from flapgym.turbine.fields import Choice, Count, Quantity, Text, check_fields, check_keys, read
 from flapgym.wording import shown
-
-BLADE_QUANTITIES = tuple(name for name, quantity in QUANTITIES.items() if quantity.size == 3)
 
 
 @dataclass(frozen=True)
@@ -145,7 +143,7 @@ def _training(table: dict[str, Any]) -> Training:
     algorithm = Choice(tuple(kinds)).check(table.get("algorithm"), "algorithm")
     check_keys(table, ("name", "algorithm", "model", "total_steps", "environment", "network", algorithm), "")
     return Training(
-        name=Text().check(table["name"], "name"),
+        name=check_name(table["name"]),
         model=Text().check(table["model"], "model"),
         total_steps=Count(at_least=1).check(table["total_steps"], "total_steps"),
         environment=read(EnvironmentSettings, table["environment"], "environment"),

@@ -120,7 +120,7 @@ class Count(_Bounded):
     def check(self, value: object, name: str) -> int:
         """Refuse what is not a whole number in range."""
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        if not whole or not self.holds(np.asarray(as_float(typing.cast(int, value)))):
+        if not whole or not self.holds(np.asarray(as_float(value))):
             range_ = self.describe("number").replace("a finite ", "")
             raise ValueError(f"{name}: expected a whole number, {range_}, got {shown(value)}")
         return int(typing.cast(int, value))
@@ -206,7 +206,7 @@ class TextColumn:
         return tuple(Text().check(item, name) for item in value)
 
 
-def as_float(value: float) -> float:
+def as_float(value: Any) -> float:
     """The number in double precision; infinite where it has no room there."""
     try:
         return float(value)

@@ -47,7 +47,7 @@ def regular_file(path: str | os.PathLike[str], largest: int) -> Path:
     """
     try:
         found = os.stat(path)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise FileNotFoundError(f"{_name(path)}: no such file") from None
     except (OSError, ValueError) as error:  # a name too long, or with a null byte
         reason = error.strerror if isinstance(error, OSError) else error

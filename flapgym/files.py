@@ -150,7 +150,7 @@ def _check_plain(value: object, name: str, path: str | os.PathLike[str], finite:
 
 def _problem(value: object, name: str, finite: bool, depth: int) -> str | None:
     """What is wrong with a value of JSON or TOML, or with what stands in it; of TOML, numbers may be infinite."""
-    place = one_line(name) or "the document"
+    place = one_line(name, 60) or "the document"
     if isinstance(value, dict | list | tuple):
         if depth >= DEEPEST:
             return f"{place}: expected at most {DEEPEST} levels of nesting"
@@ -182,7 +182,7 @@ def _problem(value: object, name: str, finite: bool, depth: int) -> str | None:
         return f"{place}: expected text, got half of a character in {shown(value)}" if half else None
     if value is None or not finite:  # TOML has dates and times, too
         return None
-    return f"{place}: expected a number, a text, a list or a mapping, got {shown(value)}"
+    return f"{place}: expected a number, a text, a list or a mapping, got one of the class {type(value).__name__}"
 
 
 def _refuse_constant(text: str) -> NoReturn:
@@ -202,4 +202,4 @@ def _name(path: str | os.PathLike[str]) -> str:
 
 
 def _megabytes(size: int) -> str:
-    return f"{size / MEGABYTE:,.3g} MB"
+    return f"{size / MEGABYTE:,.0f} MB"

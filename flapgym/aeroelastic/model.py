@@ -150,6 +150,7 @@ class TurbineModel:
         for system in systems:
             response = system.frequency_response(_HASH_FREQUENCIES)
             largest = np.abs(response).max(axis=(0, 2), keepdims=True)
+            largest[largest == 0.0] = 1.0  # of an output that never answers
             digest.update(" ".join(f"{value:.3e}" for value in largest.ravel()).encode())
             # Adding zero makes one zero of the two that rounding leaves.
             parts = np.stack([response.real, response.imag]) / largest
@@ -248,7 +249,7 @@ def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
         check_model(model, _SIGNALS)
     except KeyError as error:
         raise ValueError(f"model {path}: {error}: missing; build it again") from None
-    except (ValueError, TypeError) as error:
+    except ValueError as error:
         raise ValueError(f"model {path}: {one_line(error)}; build it again") from None
     return model
 
@@ -264,10 +265,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     except ValueError as error:
         raise ValueError(f"model {error}") from None
     # Types that numpy has not raise what they like.
-    except (safetensors.SafetensorError, OSError, TypeError, AttributeError, KeyError) as error:
-        raise ValueError(
-            f"model {path}: damaged or not a model file ({one_line(error)}); build it again"
-        ) from None
+    except (safetensors.SafetensorError, OSError, TypeError, AttributeError, KeyError):
+        raise ValueError(f"model {path}: damaged or not a model file; build it again") from None
     if "flapgym" not in metadata:
         raise ValueError(f"model {path}: not a flapgym model file; make one with `flapgym build`")
     try:
@@ -285,18 +284,18 @@ def _model(header: dict[str, Any], tensors: Mapping[str, Array]) -> TurbineModel
     for kind, given, expected in (("entry", header, known), ("matrix", tensors, names)):
         if unknown := sorted(given.keys() - expected):
             raise ValueError(f"{shown(unknown[0])}: unknown {kind}")
-    systems = {
-        system: StateSpace(
-            **{matrix: tensors[f"{system}.{matrix}"] for matrix in _MATRICES},
-            time_step=header["time_step"],
-            inputs=tuple(header[system]["inputs"]),
-            outputs=tuple(header[system]["outputs"]),
-        )
-        for system in _SYSTEMS
-    }
+    turbine, blade = (_system(system, header, tensors) for system in _SYSTEMS)
     rest = {name: value for name, value in header.items() if name not in (*_SYSTEMS, "record")}
-    turbine, blade = (systems[name] for name in _SYSTEMS)
     return TurbineModel(turbine, blade, periodic=_periodic(tensors), record=_record(header["record"]), **rest)
+
+
+def _system(name: str, header: Mapping[str, Any], tensors: Mapping[str, Array]) -> StateSpace:
+    matrices = {matrix: tensors[f"{name}.{matrix}"] for matrix in _MATRICES}
+    inputs, outputs = (tuple(header[name][kind]) for kind in ("inputs", "outputs"))
+    try:
+        return StateSpace(**matrices, time_step=header["time_step"], inputs=inputs, outputs=outputs)
+    except ValueError as error:
+        raise ValueError(str(error).replace("state_space", name)) from None
 
 
 def _find(name: str | os.PathLike[str]) -> Path:

@@ -6,11 +6,13 @@ A sealed file says only that it is what somebody wrote, not that this is a turbi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flapgym.aeroelastic.record import Flutter, Record
 from flapgym.files import check_plain
 from flapgym.state_space import Array
 from flapgym.wording import shown
@@ -18,18 +20,20 @@ from flapgym.wording import shown
 if TYPE_CHECKING:
     from flapgym.aeroelastic.model import TurbineModel
 
-POSITIVE = (
-    "wind_speed",
-    "rotor_speed",
-    "time_step",
-    "turbulence_intensity",
-    "length_scale",
-    "flap_angle_limit",
-    "flap_rate_limit",
-    "acceleration_limit",
-    "rbm_rms",
-)
-"""Numbers that every model has."""
+RANGES = {
+    "wind_speed": (0.1, 200.0, "m/s"),
+    "rotor_speed": (1e-3, 100.0, "rad/s"),
+    "time_step": (1e-5, 1.0, "s"),
+    "turbulence_intensity": (1e-9, 1.0, ""),
+    "length_scale": (0.1, 1e6, "m"),
+    "flap_angle_limit": (1e-9, math.pi, "rad"),
+    "flap_rate_limit": (1e-9, 1e3, "rad/s"),
+    "acceleration_limit": (1e-9, 1e6, "rad/s^2"),
+    "rbm_rms": (1e-3, 1e12, "N m"),
+}
+"""Numbers that every model has, from where to where, and unit: beyond lies no turbine, and what overflows."""
+LARGEST_ENTRY = 1e30
+"""Of any matrix: products of a few stay finite."""
 
 
 def check_header(header: Mapping[str, Any]) -> None:
@@ -40,26 +44,22 @@ def check_header(header: Mapping[str, Any]) -> None:
     ValueError
         That begins with the entry.
     """
-    for name in POSITIVE:
-        _check_number(header[name], name)
+    for name, (low, high, unit) in RANGES.items():
+        _check_number(header[name], name, low, high, unit)
     for name in ("name", "inputs_hash"):
         _check_text(header[name], name)
     for system in ("turbine", "blade"):
+        _check_keys(header[system], system, ("inputs", "outputs"))
         for kind in ("inputs", "outputs"):
             _check_list(header[system][kind], f"{system}.{kind}", _check_text)
-    for name in ("case", "record"):
-        _check_mapping(header[name], name)
+    _check_mapping(header["case"], "case")
     record = header["record"]
+    _check_keys(record, "record", [f.name for f in fields(Record)])
     _check_mapping(record["tools"], "record.tools", _check_text)
     _check_list(record["readings"], "record.readings", _check_text)
-    _check_mapping(
-        record["errors"], "record.errors", lambda value, name: _check_number(value, name, zero=True)
-    )
+    _check_mapping(record["errors"], "record.errors", lambda value, name: _check_number(value, name, 0.0))
     if record["flutter"] is not None:
-        _check_mapping(record["flutter"], "record.flutter")
-        for name, value in record["flutter"].items():
-            if value is not None or name == "searched":
-                _check_number(value, f"record.flutter.{name}")
+        _check_flutter(record["flutter"])
 
 
 def check_tensors(tensors: Mapping[str, Array]) -> None:
@@ -67,8 +67,8 @@ def check_tensors(tensors: Mapping[str, Array]) -> None:
     for name, tensor in tensors.items():
         if tensor.dtype != np.float64:
             raise ValueError(f"{shown(name)}: expected numbers in double precision, got {tensor.dtype}")
-        if not np.isfinite(tensor).all():
-            raise ValueError(f"{shown(name)}: expected finite numbers, got NaN or infinity")
+        if not (np.abs(tensor) < LARGEST_ENTRY).all():
+            raise ValueError(f"{shown(name)}: expected finite numbers below {LARGEST_ENTRY:g}, got others")
 
 
 def check_model(model: TurbineModel, inputs: Mapping[str, tuple[str, ...]]) -> None:
@@ -80,8 +80,8 @@ def check_model(model: TurbineModel, inputs: Mapping[str, tuple[str, ...]]) -> N
     inputs : mapping
         Names of inputs and outputs that the model's systems have, as "turbine.inputs".
     """
-    for name in POSITIVE:
-        _check_number(getattr(model, name), name)
+    for name, (low, high, unit) in RANGES.items():
+        _check_number(getattr(model, name), name, low, high, unit)
     check_plain(dict(model.case), "case")
     for system in ("turbine", "blade"):
         part = getattr(model, system)
@@ -108,7 +108,9 @@ def _check_periodic(model: TurbineModel) -> None:
     if part is None:
         return
     turbine = model.turbine
-    _check_mapping(model.case.get("blades"), "case.blades", _check_list)
+    _check_mapping(
+        model.case.get("blades"), "case.blades", lambda value, name: _check_list(value, name, _check_number)
+    )
     rows, columns = turbine.order + len(turbine.outputs), turbine.order + len(turbine.inputs)
     if part.core.ndim != 3 or part.left.ndim != 2 or part.right.ndim != 2 or part.forcing.ndim != 2:
         raise ValueError("periodic: expected matrices left, right and forcing, and core of three axes")
@@ -122,11 +124,23 @@ def _check_periodic(model: TurbineModel) -> None:
             raise ValueError(f"periodic.{name}: expected shape {shape}, got {getattr(part, name).shape}")
 
 
-def _check_number(value: object, name: str, zero: bool = False) -> None:
+def _check_flutter(flutter: object) -> None:
+    """Refuse a speed without its frequency."""
+    _check_keys(flutter, "record.flutter", [f.name for f in fields(Flutter)])
+    assert isinstance(flutter, Mapping)
+    _check_number(flutter["searched"], "record.flutter.searched", 0.0)
+    for name in ("speed", "frequency"):
+        if flutter["speed"] is not None or flutter["frequency"] is not None:
+            _check_number(flutter[name], f"record.flutter.{name}", 0.0)
+
+
+def _check_number(
+    value: object, name: str, low: float = -LARGEST_ENTRY, high: float = LARGEST_ENTRY, unit: str = ""
+) -> None:
     good = isinstance(value, int | float | np.floating) and not isinstance(value, bool)
-    if not good or not (math.isfinite(value) and (value >= 0.0 if zero else value > 0.0)):  # type: ignore[arg-type,operator]
+    if not good or not low <= value <= high:  # type: ignore[operator]
         raise ValueError(
-            f"{name}: expected a finite number {'of at least' if zero else 'above'} 0, got {shown(value)}"
+            f"{name}: expected a number from {low:.6g} to {f'{high:.6g} {unit}'.strip()}, got {shown(value)}"
         )
 
 
@@ -135,11 +149,18 @@ def _check_text(value: object, name: str) -> None:
         raise ValueError(f"{name}: expected a text of one line, got {shown(value)}")
 
 
-def _check_list(value: object, name: str, check: Callable[[object, str], None] = check_plain) -> None:
+def _check_list(value: object, name: str, check: Callable[[object, str], None]) -> None:
     if not isinstance(value, list | tuple):
         raise ValueError(f"{name}: expected a list, got {shown(value)}")
     for index, entry in enumerate(value):
         check(entry, f"{name}[{index}]")
+
+
+def _check_keys(value: object, name: str, keys: Collection[str]) -> None:
+    _check_mapping(value, name)
+    assert isinstance(value, Mapping)
+    if set(value) != set(keys):
+        raise ValueError(f"{name}: expected the entries {', '.join(keys)}, got {shown(list(value))}")
 
 
 def _check_mapping(value: object, name: str, check: Callable[[object, str], None] = lambda *_: None) -> None:

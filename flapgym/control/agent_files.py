@@ -131,7 +131,7 @@ def save_agent(
         **settings,
     }
     _check_common(header)
-    check_plain(header["design"], "design")
+    check_plain(header["design"], "agent: design")
     lists = {key: _lists(value) for key, value in numbers.items()}
     header["checksum"] = _checksum(header | lists)
     write_atomically(target, _document(header, lists).encode())

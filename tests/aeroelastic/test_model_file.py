@@ -171,7 +171,7 @@ def test_a_sealed_model_with_no_positive_number_where_one_is_meant_is_refused(tm
         assert refused(path, "damaged header: not valid JSON: expected finite numbers, got NaN")
     else:
         resealed(path, {name: value})
-        assert refused(path, f"{name}: expected a finite number above 0, got {value!r}")
+        assert refused(path, f"{name}: expected a number from ")
 
 
 @pytest.mark.parametrize(
@@ -182,12 +182,22 @@ def test_a_sealed_model_with_no_positive_number_where_one_is_meant_is_refused(tm
         ({"inputs_hash": None}, {}, "inputs_hash: expected a text"),
         ({"case": []}, {}, "case: expected a mapping, got []"),
         ({"record": None}, {}, "record: expected a mapping"),
+        ({"turbine": 1}, {}, "turbine: expected a mapping"),
         ({"record.tools": {"numpy": 1}}, {}, "record.tools.numpy: expected a text"),
         ({"record.readings": "all"}, {}, "record.readings: expected a list"),
-        ({"record.errors": {"x": "small"}}, {}, "record.errors.x: expected a finite number of at least 0"),
-        ({"record.flutter": {"searched": "far"}}, {}, "record.flutter.searched: expected a finite number"),
-        ({"record.flutter": {"speed": 1.0}}, {}, "searched"),
-        ({"turbine.inputs": ["a"]}, {}, "state_space.B: expected shape"),
+        ({"record.errors": {"x": "small"}}, {}, "record.errors.x: expected a number from 0"),
+        (
+            {"record.flutter": {"searched": "far", "speed": None, "frequency": None}},
+            {},
+            "record.flutter.searched: expected a number",
+        ),
+        ({"record.flutter": {"speed": 1.0}}, {}, "record.flutter: expected the entries searched, speed"),
+        (
+            {"record.flutter": {"searched": 1.0, "speed": 1.0, "frequency": None}},
+            {},
+            "record.flutter.frequency: expected",
+        ),
+        ({"turbine.inputs": ["a"]}, {}, "turbine.B: expected shape"),
         ({"turbine.inputs": lambda names: names[::-1]}, {}, "turbine.inputs: expected flap_angle_0"),
         ({"blade.outputs": "rbm"}, {}, "blade.outputs: expected a list"),
         ({"blade": ...}, {}, "'blade': missing"),
@@ -199,14 +209,14 @@ def test_a_sealed_model_with_no_positive_number_where_one_is_meant_is_refused(tm
             "turbine.A: expected a stable system, of a spectral radius below 1",
         ),
         ({}, {"blade.A": lambda A: 1.2 * A}, "blade.A: expected a stable system"),
-        ({}, {"turbine.A": lambda A: A[:-1]}, "state_space.A: expected shape"),
-        ({}, {"turbine.A": lambda A: A * np.nan}, "'turbine.A': expected finite numbers"),
+        ({}, {"turbine.A": lambda A: A[:-1]}, "turbine.A: expected shape"),
+        ({}, {"turbine.A": lambda A: A * np.nan}, "'turbine.A': expected finite numbers below 1e+30"),
         (
             {},
             {"turbine.A": lambda A: A.astype(np.float32)},
             "'turbine.A': expected numbers in double precision",
         ),
-        ({}, {"turbine.A": lambda A: A.ravel()}, "state_space.A: expected shape"),
+        ({}, {"turbine.A": lambda A: A.ravel()}, "turbine.A: expected shape"),
         ({}, {"turbine.A": ...}, "'turbine.A': missing"),
         ({}, {"spare": np.zeros(3)}, "'spare': unknown matrix"),
         ({}, {"periodic.left": np.zeros((21, 1))}, "'periodic.right': missing"),

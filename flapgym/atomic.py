@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import shutil
 import stat
 import sys
 import uuid
@@ -132,17 +131,23 @@ def _written(stack: contextlib.ExitStack, target: Path, content: bytes) -> Path:
 
 def _kept(stack: contextlib.ExitStack, target: Path) -> Path | None:
     """What is there now under a second name, or None if nothing is."""
-    if not target.exists():
+    try:
+        file = stack.enter_context(target.open("rb"))
+    except FileNotFoundError:
         return None
+    # Held before it has the name that who cleans up looks for; others may keep the same.
+    _hold(file, shared=True)
     second = target.parent / f"{PREFIX}{uuid.uuid4().hex}{SUFFIX}"
-    stack.callback(second.unlink, missing_ok=True)
     try:
         os.link(target, second)
     except OSError:  # not every file system has hard links
-        shutil.copy2(target, second)
-    file = stack.enter_context(second.open("rb"))
-    _hold(file)
-    return second
+        return _written(stack, target, file.read())
+    stack.callback(second.unlink, missing_ok=True)
+    # What replaced the target meanwhile has the second name but is not held.
+    with contextlib.suppress(FileNotFoundError):
+        if os.path.samestat(os.fstat(file.fileno()), second.stat()):
+            return second
+    return _kept(stack, target)
 
 
 def _remove_leftovers(folder: Path) -> None:
@@ -153,8 +158,8 @@ def _remove_leftovers(folder: Path) -> None:
             left.unlink()
 
 
-def _hold(file: Any, wait: bool = True) -> None:
-    """Lock a file until it is closed; where there are no such locks an open file cannot be removed anyway.
+def _hold(file: Any, wait: bool = True, shared: bool = False) -> None:
+    """Lock a file until it is closed, beside others or alone; where there are no such locks, no open file is removed.
 
     Raises
     ------
@@ -164,7 +169,7 @@ def _hold(file: Any, wait: bool = True) -> None:
     if sys.platform == "win32":
         return
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
     except OSError:  # a file system without locks
         if not wait:
             raise

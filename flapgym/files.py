@@ -14,16 +14,16 @@ import re
 import stat
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 from flapgym.atomic import kind_of_file
-from flapgym.wording import one_line, shown
+from flapgym.wording import LONGEST, one_line, shown
 
 MEGABYTE = 1 << 20
-LARGEST_SETTINGS = MEGABYTE
-"""Of a TOML file [bytes]: the NREL 5 MW with all its stations takes a fiftieth."""
+LARGEST_SETTINGS = MEGABYTE // 4
+"""Of a TOML file [bytes]: the NREL 5 MW with all its stations takes a tenth."""
 DEEPEST = 32
 """Nesting of tables and lists."""
 MOST_BITS = 63
@@ -150,39 +150,42 @@ def _check_plain(value: object, name: str, path: str | os.PathLike[str], finite:
 
 def _problem(value: object, name: str, finite: bool, depth: int) -> str | None:
     """What is wrong with a value of JSON or TOML, or with what stands in it; of TOML, numbers may be infinite."""
-    place = one_line(name, 60) or "the document"
     if isinstance(value, dict | list | tuple):
-        if depth >= DEEPEST:
-            return f"{place}: expected at most {DEEPEST} levels of nesting"
-        if isinstance(value, dict):
-            for key in value:
-                if not isinstance(key, str) or _HALF_CHARACTER.search(key):
-                    return f"{place}: expected texts as keys, got {shown(key)}"
-            entries: Iterable[tuple[str, object]] = (
-                (f"{name}.{key}" if name else key, value[key]) for key in value
-            )
-        else:
-            # Lists of a million numbers are common: the good ones take no call.
-            entries = (
-                (f"{name}[{index}]", entry)
-                for index, entry in enumerate(value)
-                if type(entry) is not float or not math.isfinite(entry)
-            )
-        problems = (_problem(entry, below, finite, depth + 1) for below, entry in entries)
-        return next(filter(None, problems), None)
+        return _problem_within(value, name, finite, depth + 1)
+    wrong = None
     if isinstance(value, float):
-        return (
-            f"{place}: expected a finite number, got {value}" if finite and not math.isfinite(value) else None
-        )
-    if isinstance(value, int):
-        long = value.bit_length() > MOST_BITS
-        return f"{place}: expected a number of at most 64 bits, got {shown(value)}" if long else None
-    if isinstance(value, str):
-        half = _HALF_CHARACTER.search(value)
-        return f"{place}: expected text, got half of a character in {shown(value)}" if half else None
-    if value is None or not finite:  # TOML has dates and times, too
-        return None
-    return f"{place}: expected a number, a text, a list or a mapping, got one of the class {type(value).__name__}"
+        wrong = f"a finite number, got {value}" if finite and not math.isfinite(value) else None
+    elif isinstance(value, int):
+        wrong = f"a number of at most 64 bits, got {shown(value)}" if value.bit_length() > MOST_BITS else None
+    elif isinstance(value, str):
+        wrong = f"text, got half of a character in {shown(value)}" if _HALF_CHARACTER.search(value) else None
+    elif value is not None and finite:  # TOML has dates and times, too
+        wrong = f"a number, a text, a list or a mapping, got one of the class {type(value).__name__}"
+    return wrong and f"{_place(name)}: expected {wrong}"
+
+
+def _problem_within(
+    value: dict[Any, Any] | list[Any] | tuple[Any, ...], name: str, finite: bool, depth: int
+) -> str | None:
+    if depth > DEEPEST:
+        return f"{_place(name)}: expected at most {DEEPEST} levels of nesting"
+    named = isinstance(value, dict)
+    for key, entry in value.items() if isinstance(value, dict) else enumerate(value):
+        if named and (not isinstance(key, str) or _HALF_CHARACTER.search(key)):
+            return f"{_place(name)}: expected texts as keys, got {shown(key)}"
+        # Lists of a million numbers are common: the good ones take no call.
+        if (type(entry) is float and math.isfinite(entry)) or (
+            type(entry) is int and -(2**62) < entry < 2**62
+        ):
+            continue
+        place = f"{name}[{key}]" if not named else f"{name}.{key}".removeprefix(".")
+        if problem := _problem(entry, place, finite, depth):
+            return problem
+    return None
+
+
+def _place(name: str) -> str:
+    return one_line(name, LONGEST) or "the document"
 
 
 def _refuse_constant(text: str) -> NoReturn:

@@ -1,18 +1,22 @@
 """What is read and written: regular files of text in UTF-8 and bounded size, whole or not at all."""
 
 import json
+import multiprocessing
 import os
+import re
 import signal
 import stat
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
-from flapgym.atomic import check_target, write_atomically, write_together
+from flapgym.atomic import check_target, write_atomically, write_picture, write_together
 from flapgym.files import parse_json, read_bytes, read_text, read_toml, regular_file
 
+ROOT = Path(__file__).parents[1]
 TEXT = 'base = "größer"\n'
 
 
@@ -232,3 +236,53 @@ def test_what_is_written_is_what_is_read(tmp_path):
     value = {"a": [1.0, 2, "ü", None, True, {"b": []}]}
     write_atomically(tmp_path / "a.json", json.dumps(value).encode())
     assert parse_json(read_text(tmp_path / "a.json", 1000), "a.json") == value
+
+
+def _write_often(folder, sign):
+    for _ in range(50):
+        write_atomically(folder / "single", 1000 * sign)
+        write_together({folder / "a": 100 * sign, folder / "b": 100 * sign})
+
+
+def test_processes_that_write_the_same_files_at_once_leave_one_s_and_nothing_else(tmp_path):
+    context = multiprocessing.get_context("spawn")
+    writers = [context.Process(target=_write_often, args=(tmp_path, sign)) for sign in (b"x", b"y", b"z")]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert [writer.exitcode for writer in writers] == [0, 0, 0]
+    assert sorted(os.listdir(tmp_path)) == ["a", "b", "single"]
+    assert (tmp_path / "single").read_bytes() in (1000 * b"x", 1000 * b"y", 1000 * b"z")
+
+
+def test_a_picture_is_written_like_data(tmp_path, monkeypatch):
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    pipe = tmp_path / "pipe.png"
+    os.mkfifo(pipe)
+    with pytest.raises(FileExistsError, match="got a pipe"):
+        write_picture(pipe, figure)
+    write_picture(tmp_path / "whole.png", figure)
+    before = (tmp_path / "whole.png").read_bytes()
+    assert before.startswith(b"\x89PNG")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("flapgym.atomic.os.fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_picture(tmp_path / "whole.png", figure)
+    assert (tmp_path / "whole.png").read_bytes() == before
+    assert sorted(os.listdir(tmp_path)) == ["pipe.png", "whole.png"]
+
+
+def test_no_program_writes_files_past_the_one_writer():
+    folders = (ROOT / name for name in ("flapgym", "baselines", "benchmarks", "train"))
+    sources = (path for folder in folders for path in folder.rglob("*.py"))
+    past = {
+        path
+        for path in sources
+        if re.search(r"savefig\((?!content)|\.write_(text|bytes)\(", path.read_text())
+    }
+    # The fuzzer and the page of errors spoil files of their own.
+    assert {path.relative_to(ROOT).parts[1] for path in past} <= {"fuzz", "errors"}

@@ -28,8 +28,8 @@ from flapgym.state_space import Array, StateSpace
 from flapgym.wording import one_line, shown
 
 FORMAT_VERSION = 2
-LARGEST = 32 * MEGABYTE
-"""Of a file [bytes]: a million numbers and more."""
+LARGEST = 16 * MEGABYTE
+"""Of a file [bytes]: some seven hundred thousand numbers."""
 AGENT_NAMES = (
     "open_loop",
     "pd",

@@ -33,8 +33,8 @@ from flapgym.state_space import Array
 from flapgym.turbine.units import unit_size
 from flapgym.wording import one_line, shown
 
-LARGEST = 64 * MEGABYTE
-"""Of a file [bytes]: days of samples."""
+LARGEST = 16 * MEGABYTE
+"""Of a file [bytes]: a day of ten samples a second, three times what an episode can last."""
 _COLUMN = re.compile(r"\s*(\w+)\s*(?:\[([^\]]*)\])?\s*")
 _DIMENSIONS = {"time": "time", "wind": "speed", "wind_perturbation": "speed"}
 _EXAMPLE = '"time [s], wind [m/s]"'
@@ -86,7 +86,7 @@ def read_wind(path: str | os.PathLike[str]) -> WindSeries:
         raise ValueError(f"{error}; give the path of a CSV file that begins with {_EXAMPLE}") from None
     times, winds = array("d"), array("d")
     header: _Header | None = None
-    reader = _Samples(_name(path))
+    reader = _Samples()
     for place, row in _rows(text, _name(path)):
         if header is None:
             header = _header(row, _separator(text), place)
@@ -151,49 +151,47 @@ def _header(row: list[str], separator: str, place: str) -> _Header:
 
 
 class _Samples:
-    """Reads samples of one file, which keeps to one decimal sign and counts dates from its first.
+    """Reads samples of one file, which keeps to one decimal sign and counts dates from its first."""
 
-    Parameters
-    ----------
-    name : str
-        Of the file.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
+    def __init__(self) -> None:
         self._decimal = ""
         self._first: datetime | None = None
 
     def sample(self, row: list[str], header: _Header, place: str) -> tuple[float, float]:
         """Time [s] and wind [m/s] of a line."""
-        got = f"got {shown(header.separator.join(row))}"
-        if len(row) != 2:
-            sign = {",": "a comma", ";": "a semicolon", "\t": "a tab"}[header.separator]
-            raise ValueError(f"{place}: expected two numbers separated by {sign}, {got}")
-        cells = dict(zip(header.names, row, strict=True))
-        clock = cells.pop("time").strip()
-        wind = self._number(next(iter(cells.values())), place, got) * header.wind_size
-        if header.time_size is None or (not _NUMBER.fullmatch(clock) and ":" in clock):
-            time = self._since_first(clock, place)
-        else:
-            time = self._number(clock, place, got) * header.time_size
-        if not (math.isfinite(time) and math.isfinite(wind)):
-            raise ValueError(f"{place}: expected finite numbers, {got}")
+        try:
+            time, wind = self._sample(row, header)
+        except ValueError as error:
+            raise ValueError(f"{place}: {error}, got {shown(header.separator.join(row))}") from None
         return time, wind
 
-    def _number(self, cell: str, place: str, got: str) -> float:
-        cell = cell.strip()
+    def _sample(self, row: list[str], header: _Header) -> tuple[float, float]:
+        if len(row) != 2:
+            sign = {",": "a comma", ";": "a semicolon", "\t": "a tab"}[header.separator]
+            raise ValueError(f"expected two numbers separated by {sign}")
+        first, second = row if header.names[0] == "time" else reversed(row)
+        clock = first.strip()
+        if header.time_size is None or (":" in clock and not _NUMBER.fullmatch(clock)):
+            time = self._since_first(clock)
+        else:
+            time = self._number(clock) * header.time_size
+        wind = self._number(second.strip()) * header.wind_size
+        if not (math.isfinite(time) and math.isfinite(wind)):
+            raise ValueError("expected finite numbers")
+        return time, wind
+
+    def _number(self, cell: str) -> float:
         if not _NUMBER.fullmatch(cell):
-            raise ValueError(f"{place}: expected two numbers, {got}")
+            raise ValueError("expected two numbers")
         for sign in ".,":
             if sign in cell:
                 # A comma between thousands would make wind of a thousandth.
                 if self._decimal not in ("", sign):
-                    raise ValueError(f"{place}: expected decimal points or decimal commas, not both, {got}")
+                    raise ValueError("expected decimal points or decimal commas, not both")
                 self._decimal = sign
         return float(cell.replace(",", "."))
 
-    def _since_first(self, clock: str, place: str) -> float:
+    def _since_first(self, clock: str) -> float:
         try:
             moment = datetime.fromisoformat(clock)
             if self._first is None:
@@ -201,8 +199,7 @@ class _Samples:
             return (moment - self._first).total_seconds()
         except (ValueError, TypeError):  # no such date, or one of two has a time zone
             raise ValueError(
-                f"{place}: expected a time in ISO 8601 such as 2024-01-31T13:00:00.5, with the same time zone or "
-                f"none in every line, got {shown(clock)}"
+                "expected a time in ISO 8601 such as 2024-01-31T13:00:00.5, of one time zone or none in every line"
             ) from None
 
 

@@ -236,7 +236,7 @@ def test_what_met_masts_give_is_read(tmp_path, text):
         ("time, wind [m/s]\n31.01.2024 13:00, 1\n", "line 2: expected a time in ISO 8601"),
         (
             "time, wind [m/s]\n2024-01-31T13:00, 1\n2024-01-31T13:01Z, 1\n",
-            "line 3: .*the same time zone or none",
+            "line 3: .*of one time zone or none",
         ),
         (
             "time, wind [m/s]\n2024-01-31T13:00, 1\n2024-01-31T13:00, 1\n",

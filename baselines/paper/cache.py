@@ -48,7 +48,7 @@ class Cache:
     def arrays(self, part: str, settings: Mapping[str, Any], make: Callable[[], Arrays]) -> dict[str, Array]:
         """What `make` returned for this part and these settings, now or in an earlier run."""
         path = self.path(part, settings)
-        with contextlib.suppress(*DAMAGED), np.load(path) as stored:
+        with contextlib.suppress(*DAMAGED), path.open("rb") as file, np.load(file) as stored:
             return dict(stored)
         made = {name: np.asarray(value) for name, value in make().items()}
         content = io.BytesIO()

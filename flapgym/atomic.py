@@ -44,13 +44,13 @@ def write_together(contents: Mapping[str | os.PathLike[str], bytes]) -> None:
         ]
         # One rename is whole or not at all by itself; of several, those done are undone.
         kept = [_kept(stack, target) for target in targets] if len(targets) > 1 else []
-        done = 0
         try:
             for temporary, target in zip(written, targets, strict=True):
                 os.replace(temporary, target)
-                done += 1
         except BaseException:
-            for old, target in list(zip(kept, targets, strict=False))[:done]:
+            for temporary, old, target in zip(written, kept, targets, strict=False):
+                if temporary.exists():  # an interrupt may come at any moment: what is gone was renamed
+                    continue
                 if old is None:
                     target.unlink()
                 else:

@@ -32,6 +32,7 @@ from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
 from flapgym.turbine import BUILT_IN, DEFAULT_CASE, load_case
+from flapgym.wording import one_line
 
 PICTURES = (".pdf", ".png", ".svg")
 
@@ -62,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _complain(command: str, reason: object, code: int) -> int:
-    print(f"flapgym {command}: {' '.join(str(reason).split())}", file=sys.stderr)
+    print(f"flapgym {command}: {one_line(reason, 2000)}", file=sys.stderr)
     return code
 
 

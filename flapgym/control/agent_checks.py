@@ -24,17 +24,24 @@ _NAME = re.compile(r"\w(?:[\w +\-.,()%=]{0,58}[\w)%])?")
 
 
 @contextmanager
+def told_by(name: str) -> Iterator[None]:
+    """Put an agent's name, once, before what is wrong with it or with what it is given."""
+    try:
+        yield
+    except ValueError as error:
+        told = f"agent {name}: "
+        raise ValueError(str(error) if str(error).startswith(told) else f"{told}{error}") from None
+
+
+@contextmanager
 def naming(name: object) -> Iterator[None]:
-    """Check an agent's name, and put it, once, before what is wrong with the rest of it."""
+    """Check an agent's name, and put it before what is wrong with the rest of it."""
     try:
         own = check_name(name)
     except ValueError as error:
         raise ValueError(f"agent: {error}") from None
-    try:
+    with told_by(own):
         yield
-    except ValueError as error:
-        told = f"agent {own}: "
-        raise ValueError(str(error) if str(error).startswith(told) else f"{told}{error}") from None
 
 
 def check_name(name: object) -> str:

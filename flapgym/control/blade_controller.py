@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control.agent import Array, Floats, by_blade
-from flapgym.control.agent_checks import check_hash, check_numbers, naming
+from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
 from flapgym.control.channels import BLADE
 from flapgym.state_space import StateSpace
 
@@ -76,7 +76,8 @@ class BladeController:
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
         """Action (..., 3) and next state (..., 3, order) for an observation (..., 9)."""
-        measured = by_blade(observation, self.observe)
+        with told_by(self.name):
+            measured = by_blade(observation, self.observe)
         order = self.system.order
         batch = measured.shape[:-2]
         if state is None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.control.agent import BLADES, Array, Floats, by_blade
-from flapgym.control.agent_checks import check_hash, check_numbers, naming
+from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, one_product
 from flapgym.control.channels import MULTIBLADE, Channels, controller_channels
 from flapgym.state_space import StateSpace
@@ -84,7 +84,8 @@ class RotorController:
         """Action (..., 3) and next state (..., order) for an observation (..., 9), or (..., 11) with the azimuth."""
         values = np.asarray(observation)
         signals = 3 * BLADES
-        blades = np.swapaxes(by_blade(values[..., :signals], CONTROLLER_INPUTS), -1, -2)
+        with told_by(self.name):
+            blades = np.swapaxes(by_blade(values[..., :signals], CONTROLLER_INPUTS), -1, -2)
         turned = self.channels == MULTIBLADE
         if turned:
             if values.shape[-1] != signals + 2:

@@ -152,8 +152,9 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class` (`"I"` to `"III"`, default `"I"`) and
     `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may `rotor_diameter` (126) and `hub_height`
     (90). A recording has the header `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about the mean wind (also ms,
-    min, h and km/h, kn), is linear between its samples and must last for the episode, which begins at its moment
-    `start`, by default its first.
+    min, h and km/h, kn). Semicolons or tabs may stand for the commas, and decimal commas for points then; times may be
+    dates of ISO 8601 under the header `time`, counted in seconds from the first. It is linear between its samples and
+    must last for the episode, which begins at its moment `start`, by default its first.
 
     ## Version History
 

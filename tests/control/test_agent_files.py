@@ -205,7 +205,7 @@ def test_json_of_any_shape_is_refused_by_the_file(saved, text):
     refusal(saved / "lqg.json")
 
 
-NAMES = [
+NAMES: list[object] = [
     *("", " ", "a\nb", "a|b", "=cmd()", "-a", "@a", "\x1b[31ma", "a/b", "../a", "<b>", "a" * 61, "open_loop"),
     *(1, None, []),
 ]

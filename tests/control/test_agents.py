@@ -166,7 +166,7 @@ def test_an_agent_that_no_file_holds_is_refused_by_its_kind(tmp_path):
 
 
 def test_an_observation_of_the_wrong_size_is_refused():
-    with pytest.raises(ValueError, match="expected 9"):
+    with pytest.raises(ValueError, match="agent lqg: observation: expected 9"):
         _lqg().predict(np.zeros(3, dtype=np.float32))
     with pytest.raises(ValueError, match="expected 9"):
         _policy().predict(np.zeros(3, dtype=np.float32))

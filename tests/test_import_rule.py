@@ -10,6 +10,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ORDER = [
     "atomic",
+    "messages",
+    "program",
     "state_space",
     "turbine",
     "turbulence",

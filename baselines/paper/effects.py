@@ -155,7 +155,8 @@ def effects_section(
             (labels[name], *(f"{value:.2f}" for value in degrees), *(f"{share:.2f}" for share in shares))
         )
     content: list[str | Table | Path] = [
-        f"Change against open loop on the same {realisations} realisations [%], 95 % paired bootstrap interval. Tower: "
+        f"Change against open loop on the same {realisations} realisations [%], mean of the ratios, 95 % paired "
+        "bootstrap interval. Tower: "
         "bending moment on the foundation, DEL with the S-N slope 4 of steel; edgewise root bending moment of the "
         "blades, DEL with slope 10. Gravity and profile drag are left out of the model and in-plane loads come out "
         "some 40 % small (docs/aerodynamics.md): these are changes of what turbulence does, not of all edgewise "

@@ -133,7 +133,7 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
         f"With flaps at rest the root moments have an rms of {still['rbm_rms'] * 1e-6:.3f} MN m and a damage "
         f"equivalent load (DEL) of {still['rbm_del'] * 1e-6:.2f} MN m: means over blades and "
         f"{scores['realisations']} episodes of {scores['seconds']:g} s. "
-        "The shipped agents, made for the base case and unchanged, change that by:"
+        "The shipped agents, made for the base case and unchanged, change these means by:"
     )
     return [
         *textwrap.wrap(text, 120),

@@ -11,8 +11,8 @@ from tqdm import tqdm
 
 from flapgym.aeroelastic.model import TurbineModel, load_model
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
-from flapgym.evaluation.bootstrap import Estimate, paired_change
-from flapgym.evaluation.metrics import Metrics, Record, measure
+from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
+from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.report import writable_folder, write_report
 from flapgym.evaluation.simulate import BATCH, simulate
 
@@ -35,9 +35,13 @@ class Score:
     Attributes
     ----------
     rbm_rms_change, tip_rms_change, rbm_del_change, tower_rms_change : Estimate
-        Paired change against open loop, a fraction, negative is a reduction.
+        Paired change against open loop, a fraction, negative is a reduction: mean of the realisations' ratios.
+    rbm_del_summed_change : Estimate
+        The same of `rbm_del`, the damage summed over all realisations: those of the largest loads decide.
     rbm_rms : float
         Mean over blades and realisations [N m].
+    rbm_del : float
+        Damage-equivalent load of all blades and realisations together, from their summed damage [N m].
     flap_angle_max, flap_rate_max : float
         Over everything [rad, rad/s].
     flap_travel : float
@@ -49,8 +53,10 @@ class Score:
     rbm_rms_change: Estimate
     tip_rms_change: Estimate
     rbm_del_change: Estimate
+    rbm_del_summed_change: Estimate
     tower_rms_change: Estimate
     rbm_rms: float
+    rbm_del: float
     flap_angle_max: float
     flap_rate_max: float
     flap_travel: float
@@ -252,8 +258,10 @@ def _score(agent: Agent, model: TurbineModel, metrics: dict[str, Metrics]) -> Sc
         rbm_rms_change=paired_change(ours.rbm_rms, reference.rbm_rms),
         tip_rms_change=paired_change(ours.tip_rms, reference.tip_rms),
         rbm_del_change=paired_change(ours.rbm_del, reference.rbm_del),
+        rbm_del_summed_change=summed_damage_change(ours.rbm_del, reference.rbm_del),
         tower_rms_change=paired_change(ours.tower_rms, reference.tower_rms),
         rbm_rms=float(ours.rbm_rms.mean()),
+        rbm_del=float(summed_damage_load(ours.rbm_del)),
         flap_angle_max=float(ours.flap_angle_max.max()),
         flap_rate_max=float(ours.flap_rate_max.max()),
         flap_travel=float(ours.flap_travel.mean()),

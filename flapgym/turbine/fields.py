@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.messages import short
 from flapgym.turbine.units import article, parse_quantity, show, unit_size
 
 Array = NDArray[np.float64]
@@ -72,7 +73,7 @@ class Quantity(_Bounded):
         if isinstance(value, str) and value in self.words:
             return value
         if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-            raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {value!r}")
+            raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {short(value)}")
         if not self.holds(np.asarray(value, dtype=float)):
             given = show(float(value), self.dimension)
             raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given}")
@@ -100,7 +101,7 @@ class PerBlade(_Bounded):
 
     def _three(self, value: object, name: str) -> tuple[object, ...]:
         if not isinstance(value, list | tuple) or len(value) != 3:
-            raise ValueError(f"{name}: expected three values, one a blade, got {value!r}")
+            raise ValueError(f"{name}: expected three values, one a blade, got {short(value)}")
         return tuple(value)
 
 
@@ -117,7 +118,7 @@ class Count(_Bounded):
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
         if not whole or not self.holds(np.asarray(value, dtype=float)):
             range_ = self.describe("number").replace("a finite ", "")
-            raise ValueError(f"{name}: expected a whole number, {range_}, got {value!r}")
+            raise ValueError(f"{name}: expected a whole number, {range_}, got {short(value)}")
         return int(typing.cast(int, value))
 
 
@@ -132,7 +133,7 @@ class Text:
     def check(self, value: object, name: str) -> str:
         """Refuse what is not a text."""
         if not isinstance(value, str) or not value.strip():
-            raise ValueError(f"{name}: expected a text, got {value!r}")
+            raise ValueError(f"{name}: expected a text, got {short(value)}")
         return value
 
 
@@ -149,7 +150,7 @@ class Choice:
     def check(self, value: object, name: str) -> str:
         """Refuse what is none of the words."""
         if not isinstance(value, str) or value not in self.words:
-            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {value!r}")
+            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {short(value)}")
         return value
 
 
@@ -183,13 +184,41 @@ class Column(_Bounded):
 
 
 @dataclass(frozen=True)
+class Numbers(_Bounded):
+    """One or more finite numbers in an array: none masked, none left out, no text."""
+
+    dimension: str = "number"
+    axes: int | None = None
+
+    def check(self, value: object, name: str) -> Array:
+        """Refuse an array with an entry that is no number of the range; return it as float."""
+        if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+            raise ValueError(f"{name}: expected every number, got a masked array; fill it or leave those out")
+        try:
+            found = np.asarray(value)
+        except ValueError:  # rows of different lengths
+            found = np.empty(0, dtype=object)
+        if found.dtype.kind not in "iuf":
+            raise ValueError(f"{name}: expected real numbers, got {short(value)}")
+        if not found.size or self.axes not in (None, found.ndim):
+            axes = "" if self.axes is None else f" along {self.axes} {'axis' if self.axes == 1 else 'axes'}"
+            raise ValueError(f"{name}: expected one or more numbers{axes}, got shape {found.shape}")
+        numbers = found.astype(np.float64)
+        outside = ~self.holds(numbers)
+        if outside.any():
+            place, given = np.argwhere(outside)[0].tolist(), show(numbers[outside][0], self.dimension)
+            raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given} at {place}")
+        return numbers
+
+
+@dataclass(frozen=True)
 class TextColumn:
     """A column of texts over the stations of a table."""
 
     def check(self, value: object, name: str) -> tuple[str, ...]:
         """Refuse what is not one text per station."""
         if not isinstance(value, Iterable) or isinstance(value, str):
-            raise ValueError(f"{name}: expected one text per station, got {value!r}")
+            raise ValueError(f"{name}: expected one text per station, got {short(value)}")
         return tuple(Text().check(item, name) for item in value)
 
 
@@ -243,7 +272,7 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
         cls = typing.cast(type, spec)
         return value if isinstance(value, cls) else read(cls, value, name)
     if not isinstance(value, list) or not value:
-        raise ValueError(f"{name}: expected one or more tables [[{name}]], got {value!r}")
+        raise ValueError(f"{name}: expected one or more tables [[{name}]], got {short(value)}")
     (item, _) = typing.get_args(spec)
     return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
 
@@ -277,21 +306,23 @@ def _read_columns(specs: dict[str, Any], table: Mapping[str, Any], section: str)
     count = Count(at_least=2).check(table["stations"], f"{section}.stations")
     headers, rows = table["columns"], table["rows"]
     if not isinstance(headers, list) or not all(isinstance(header, str) for header in headers):
-        raise ValueError(f'{section}.columns: expected texts such as "radius [m]", got {headers!r}')
+        raise ValueError(f'{section}.columns: expected texts such as "radius [m]", got {short(headers)}')
     matches = [_HEADER.fullmatch(header) for header in headers]
     units = {match[1]: match[2] or "" for match in matches if match}
     if len(units) < len(headers):
-        raise ValueError(f'{section}.columns: expected each column once, as "radius [m]", got {headers!r}')
+        raise ValueError(
+            f'{section}.columns: expected each column once, as "radius [m]", got {short(headers)}'
+        )
     check_keys(units, specs, section)
     if not isinstance(rows, list) or len(rows) != count:
-        given = len(rows) if isinstance(rows, list) else repr(rows)
+        given = len(rows) if isinstance(rows, list) else short(rows)
         raise ValueError(
             f"{section}.rows: expected the {count} stations declared by {section}.stations, got {given}"
         )
     for station, row in enumerate(rows, 1):
         if not isinstance(row, list) or len(row) != len(units):
             raise ValueError(
-                f"{section}.rows: expected {len(units)} values at station {station}, got {row!r}"
+                f"{section}.rows: expected {len(units)} values at station {station}, got {short(row)}"
             )
     columns = dict(zip(units, zip(*rows, strict=True), strict=True))
     return {
@@ -305,5 +336,5 @@ def _read_column(spec: Any, values: tuple[object, ...], unit: str, name: str) ->
     size = unit_size(spec.dimension, unit, name)
     for station, value in enumerate(values, 1):
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{name}: expected a number, got {value!r} at station {station}")
+            raise ValueError(f"{name}: expected a number, got {short(value)} at station {station}")
     return spec.check(np.array(values, dtype=float) * size, name)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 
+from flapgym.messages import number, short
+
 DEGREE = math.pi / 180.0
 
 # dimension: accepted unit and its size in SI; messages show the first one
@@ -13,6 +15,7 @@ UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "mm": 1e-3, "km": 1e3},
     "length in rotor diameters": {"rotor diameters": 1.0},
     "time": {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
+    "frequency": {"Hz": 1.0},
     "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0},
     "acceleration": {"m/s^2": 1.0},
     "angle": {"deg": DEGREE, "rad": 1.0},
@@ -44,7 +47,7 @@ def unit_size(dimension: str, unit: str, name: str) -> float:
     unit = " ".join(unit.split())
     if unit not in known:
         expected = " or ".join(repr(key) for key in known if key)
-        raise ValueError(f"{name}: expected {article(dimension)} in {expected}, got the unit {unit!r}")
+        raise ValueError(f"{name}: expected {article(dimension)} in {expected}, got the unit {short(unit)}")
     return known[unit]
 
 
@@ -66,20 +69,20 @@ def parse_quantity(value: object, dimension: str, name: str) -> float:
         The value in SI units and radians; finite.
     """
     if isinstance(value, int | float) and not isinstance(value, bool) and dimension == "number":
-        number, size = float(value), 1.0
+        found, size = float(value), 1.0
     else:
         match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
         if match is None or (not match[2] and dimension != "number"):
             unit = next(iter(UNITS[dimension]))
             example = "a number such as 0.5" if dimension == "number" else f'a text such as "1.5 {unit}"'
-            raise ValueError(f"{name}: expected {article(dimension)}, {example}, got {value!r}")
-        number, size = float(match[1]), unit_size(dimension, match[2], name)
-    if not math.isfinite(number):
-        raise ValueError(f"{name}: expected a finite {dimension}, got {value!r}")
-    return number * size
+            raise ValueError(f"{name}: expected {article(dimension)}, {example}, got {short(value)}")
+        found, size = float(match[1]), unit_size(dimension, match[2], name)
+    if not math.isfinite(found):
+        raise ValueError(f"{name}: expected a finite {dimension}, got {short(value)}")
+    return found * size
 
 
 def show(value: float, dimension: str) -> str:
     """Write an SI value in the first unit of its dimension, for messages."""
     unit, size = next(iter(UNITS[dimension].items()))
-    return f"{value / size:.6g} {unit}".strip()
+    return f"{number(value / size)} {unit}".strip()

@@ -5,6 +5,7 @@ x^{n+1} = A x^n + B u^n, y^n = C x^n + D u^n, with input and output at the same 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.wording import number
+
 Array = NDArray[np.float64]
+
+SAME_STEP = 1e-9
+"""Relative difference up to which two time steps are one, computed in different ways."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +59,10 @@ class StateSpace:
         for kind, names in (("inputs", self.inputs), ("outputs", self.outputs)):
             if len(set(names)) < len(names):
                 raise ValueError(f"state_space.{kind}: expected distinct names, got {', '.join(names)}")
-        if not self.time_step > 0.0:
-            raise ValueError(f"state_space.time_step: expected a positive time [s], got {self.time_step}")
+        if not 0.0 < self.time_step < math.inf:
+            raise ValueError(
+                f"state_space.time_step: expected a positive time [s], got {number(self.time_step)}"
+            )
 
     @property
     def order(self) -> int:
@@ -138,8 +146,7 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
     ValueError
         If the time steps differ, or an output of first is no input of second.
     """
-    if first.time_step != second.time_step:
-        raise ValueError(f"series: time steps differ, {first.time_step} and {second.time_step} s")
+    require_time_step("series.second.time_step", second.time_step, first.time_step, "the first system's")
     fed = second.select(inputs=first.outputs)
     free = second.select(inputs=[name for name in second.inputs if name not in first.outputs])
     n1, n2 = first.order, second.order
@@ -152,3 +159,21 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
         inputs=first.inputs + free.inputs,
         outputs=second.outputs,
     )
+
+
+def require_time_step(name: str, given: float, expected: float, whose: str) -> None:
+    """Refuse a system that was sampled at another time step than the one it meets.
+
+    Parameters
+    ----------
+    name : str
+        Of the time step, for the message.
+    given, expected : float
+        [s]; they may differ by rounding.
+    whose : str
+        Whose time step is expected, for the message.
+    """
+    if not math.isclose(given, expected, rel_tol=SAME_STEP):
+        raise ValueError(
+            f"{name}: expected {number(expected)} s, {whose}, got {number(given)} s; sample it at the same step"
+        )

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ORDER = [
     "atomic",
-    "messages",
+    "wording",
     "program",
     "state_space",
     "turbine",

@@ -18,7 +18,7 @@ from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.evaluation import Record, damage_equivalent_load, paired_change, root_mean_square
 from flapgym.evaluation.metrics import FATIGUE_SLOPE
-from flapgym.state_space import Array, StateSpace
+from flapgym.state_space import Array, StateSpace, require_time_step
 
 BLOCK = 64
 """Steps taken at once."""
@@ -68,6 +68,7 @@ def measure_effects(record: Record, turbine: StateSpace, rotor_speed: float) -> 
         [rad/s]
     """
     dt = record.time_step
+    require_time_step("measure_effects.turbine.time_step", turbine.time_step, dt, "the record's")
     edge, base = further_loads(record, turbine, rotor_speed)
 
     def fatigue(series: Array, slope: float) -> Array:

@@ -22,7 +22,7 @@ import safetensors.numpy
 from flapgym.aeroelastic.harmonics import PeriodicPart, shaken_at
 from flapgym.aeroelastic.record import Flutter, Record
 from flapgym.atomic import write_atomically
-from flapgym.state_space import Array, StateSpace
+from flapgym.state_space import Array, StateSpace, require_time_step
 
 FORMAT_VERSION = 2
 _SYSTEMS = ("turbine", "blade")
@@ -121,6 +121,11 @@ class TurbineModel:
     periodic: PeriodicPart | None = None
     record: Record = field(default_factory=Record)
     format_version: int = FORMAT_VERSION
+
+    def __post_init__(self) -> None:
+        for name in _SYSTEMS:
+            found = getattr(self, name).time_step
+            require_time_step(f"model.{name}.time_step", found, self.time_step, "the model's own time_step")
 
     @cached_property
     def hash(self) -> str:

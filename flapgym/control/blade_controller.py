@@ -65,6 +65,11 @@ class BladeController:
             )
         object.__setattr__(self, "_step", one_product(s, self.acceleration_limit))
 
+    @property
+    def time_step(self) -> float:
+        """Of the plants it was made for [s]."""
+        return self.system.time_step
+
     def predict(
         self,
         observation: Floats,

@@ -14,7 +14,7 @@ import numpy as np
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.control.channels import BLADE, ROTOR, controller_channels
-from flapgym.state_space import Array, StateSpace, series
+from flapgym.state_space import Array, StateSpace, require_time_step, series
 from flapgym.turbulence import von_karman_filter
 
 LARGEST_EFFECTIVENESS = 8.0
@@ -40,7 +40,15 @@ def closed_loop(
     plant : StateSpace, optional
         What the loop is closed on, three blades in either frame; by default the turbine. A controller in the blades'
         own frames has a time-invariant loop only with a plant in those, as a turbine frozen at an azimuth.
+
+    Raises
+    ------
+    ValueError
+        If controller or plant has another time step than the model, or the two are of different frames.
     """
+    require_model_step("closed_loop.controller", controller, model)
+    if plant is not None:
+        require_model_step("closed_loop.plant", plant, model)
     plant = with_effectiveness(model.turbine if plant is None else plant, effectiveness)
     frame = controller_channels(plant.inputs)
     plant = plant.select(inputs=[*frame.inputs[3:], "wind"])
@@ -70,6 +78,11 @@ def closed_loop(
     assert a.shape == (n + m, n + m)
     names = [*frame.named("flap_angle"), *frame.named("flap_rate"), *frame.named("flap_acceleration")]
     return StateSpace(a, b, c, d, model.time_step, ("wind", *frame.named("noise")), (*plant.outputs, *names))
+
+
+def require_model_step(name: str, system: StateSpace, model: TurbineModel) -> None:
+    """Refuse a system that was sampled at another time step than the model."""
+    require_time_step(f"{name}.time_step", system.time_step, model.time_step, "the model's")
 
 
 def with_effectiveness(turbine: StateSpace, effectiveness: float) -> StateSpace:
@@ -163,6 +176,7 @@ def growth_per_turn(model: TurbineModel, controller: StateSpace, turns: int = 40
     its Floquet multipliers, from the rms moment over the revolution in the middle to that over the last one. To about
     4 % at forty turns where several modes decay alike.
     """
+    require_model_step("growth_per_turn.controller", controller, model)
     turbine = model.turbine
     step = model.rotor_speed * model.time_step
     flaps = flaps_loop(controller, np.eye(3))

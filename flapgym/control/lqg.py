@@ -16,6 +16,7 @@ import scipy.linalg
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.channels import Channels, controller_channels
+from flapgym.control.closed_loop import require_model_step
 from flapgym.control.rotor_controller import RotorController
 from flapgym.state_space import Array, StateSpace, series
 from flapgym.turbulence import von_karman_filter
@@ -116,10 +117,12 @@ def design_model(
         and damping.
     """
     plant = model.blade if plant is None else plant
+    require_model_step("design_model.plant", plant, model)
     if disturbance is None:
         disturbance = von_karman_filter(
             model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
         )
+    require_model_step("design_model.disturbance", disturbance, model)
     channels = controller_channels(plant.inputs)
     flaps, m = channels.inputs[channels.count :], channels.count
     driven = plant.select([*flaps, *disturbance.outputs], channels.inputs[:m])

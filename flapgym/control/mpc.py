@@ -89,7 +89,7 @@ class PredictiveController:
         self.horizon = condense(design, weights, preview, blocks)
         self._solver = _solver(self.horizon.from_offsets)
         self._start = first_estimate(design, weights)
-        self._limit, self._time_step = model.acceleration_limit, model.time_step
+        self._limit, self.time_step = model.acceleration_limit, model.time_step
         self._order = design.A.shape[0]
         self._product = self._one_product(model, design, weights)
 
@@ -123,7 +123,7 @@ class PredictiveController:
             B=table[:n, n:],
             C=self._limit * table[n:, :n],
             D=self._limit * table[n:, n:],
-            time_step=self._time_step,
+            time_step=self.time_step,
             inputs=BLADE.inputs,
             outputs=BLADE.outputs,
         )
@@ -165,5 +165,5 @@ class PredictiveController:
         offsets, _, flag, _ = self._solver.solve()
         if flag != SOLVED:
             # Nothing is feasible, which the flap's own motion never brings about: brake.
-            return float(np.clip(-rate / (self._limit * self._time_step), -1.0, 1.0))
+            return float(np.clip(-rate / (self._limit * self.time_step), -1.0, 1.0))
         return action + self.horizon.first_offset * float(offsets[0])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import blade_azimuths
 from flapgym.control.channels import MULTIBLADE, ROTOR
-from flapgym.control.closed_loop import flaps_loop
+from flapgym.control.closed_loop import flaps_loop, require_model_step
 from flapgym.control.margins import DiskMargin
 from flapgym.state_space import StateSpace
 
@@ -52,6 +52,7 @@ def periodic_disk_margin(
             f"periodic_disk_margin: expected a controller of {', '.join(ROTOR.named('rbm'))}, got one of "
             f"{', '.join(controller.inputs)}"
         )
+    require_model_step("periodic_disk_margin.controller", controller, model)
     turn = model.rotor_speed / (2.0 * np.pi)
     centres = np.arange(round(LAST / turn * RESOLUTION))
     reach = centres.size + (harmonics + 1) * RESOLUTION

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.multiblade import BLADES
 from flapgym.control import load_agent
-from flapgym.control.agent import Agent, Floats
+from flapgym.control.agent import Agent, Floats, check_time_step
 from flapgym.envs.fleet import numbers, read_entry
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.envs.servo import Servo
@@ -269,6 +269,7 @@ def fitted_agent(agent: str | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]
             f"agent {agent.name} holds an action for {agent.steps_per_action} plant steps, the environment for "
             f"{settings.steps_per_action}: make it with steps_per_action={agent.steps_per_action}"
         )
+    check_time_step(agent, model.time_step)
     columns = np.array([index for name in agent.observe for index in places[name]])
     if base.single_blade:
         agent = OneBlade(agent) if getattr(agent, "per_blade", False) else agent

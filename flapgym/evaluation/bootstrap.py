@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import bootstrap
 
 from flapgym.evaluation.metrics import FATIGUE_SLOPE, summed_damage_load
-from flapgym.messages import number
 from flapgym.turbine.fields import Numbers
+from flapgym.wording import number
 
 CONFIDENCE = 0.95
 RESAMPLES = 9999

@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from flapgym.aeroelastic.model import TurbineModel, load_model
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
+from flapgym.control.agent import check_time_step
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.report import writable_folder, write_report
@@ -211,6 +212,8 @@ def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: Turbin
     """Agents ready to run, open loop first; two of one name would share a row."""
     found = [load_agent(a, model) if isinstance(a, str | os.PathLike) else a for a in agents]
     ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if agent.name != OpenLoop.name))
+    for agent in ordered:
+        check_time_step(agent, model.time_step)
     names = [agent.name for agent in ordered]
     for name in names:
         if names.count(name) > 1:

@@ -16,7 +16,7 @@ from flapgym.atomic import write_atomically
 from flapgym.evaluation.bootstrap import Estimate
 from flapgym.evaluation.figure import draw_figure, figure_is_possible
 from flapgym.evaluation.metrics import EQUIVALENT_FREQUENCY, FATIGUE_SLOPE
-from flapgym.messages import number
+from flapgym.wording import number
 
 if TYPE_CHECKING:
     from flapgym.evaluation.compare import Comparison, Score

@@ -9,6 +9,7 @@ import numpy as np
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop
+from flapgym.control.agent import check_time_step
 from flapgym.envs import FlapVectorEnv
 from flapgym.evaluation.metrics import Record
 
@@ -43,6 +44,7 @@ def simulate(
     **settings
         Further keywords of the environment, as `measurement_noise`; turbulence is the model's own unless given.
     """
+    check_time_step(agent, model.time_step)
     environment = FlapVectorEnv(
         num_envs=len(seeds),
         model=model,

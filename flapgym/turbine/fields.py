@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.messages import short
 from flapgym.turbine.units import article, parse_quantity, show, unit_size
+from flapgym.wording import shown
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -73,7 +73,7 @@ class Quantity(_Bounded):
         if isinstance(value, str) and value in self.words:
             return value
         if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-            raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {short(value)}")
+            raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {shown(value)}")
         if not self.holds(np.asarray(value, dtype=float)):
             given = show(float(value), self.dimension)
             raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given}")
@@ -101,7 +101,7 @@ class PerBlade(_Bounded):
 
     def _three(self, value: object, name: str) -> tuple[object, ...]:
         if not isinstance(value, list | tuple) or len(value) != 3:
-            raise ValueError(f"{name}: expected three values, one a blade, got {short(value)}")
+            raise ValueError(f"{name}: expected three values, one a blade, got {shown(value)}")
         return tuple(value)
 
 
@@ -118,7 +118,7 @@ class Count(_Bounded):
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
         if not whole or not self.holds(np.asarray(value, dtype=float)):
             range_ = self.describe("number").replace("a finite ", "")
-            raise ValueError(f"{name}: expected a whole number, {range_}, got {short(value)}")
+            raise ValueError(f"{name}: expected a whole number, {range_}, got {shown(value)}")
         return int(typing.cast(int, value))
 
 
@@ -133,7 +133,7 @@ class Text:
     def check(self, value: object, name: str) -> str:
         """Refuse what is not a text."""
         if not isinstance(value, str) or not value.strip():
-            raise ValueError(f"{name}: expected a text, got {short(value)}")
+            raise ValueError(f"{name}: expected a text, got {shown(value)}")
         return value
 
 
@@ -150,7 +150,7 @@ class Choice:
     def check(self, value: object, name: str) -> str:
         """Refuse what is none of the words."""
         if not isinstance(value, str) or value not in self.words:
-            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {short(value)}")
+            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {shown(value)}")
         return value
 
 
@@ -199,7 +199,7 @@ class Numbers(_Bounded):
         except ValueError:  # rows of different lengths
             found = np.empty(0, dtype=object)
         if found.dtype.kind not in "iuf":
-            raise ValueError(f"{name}: expected real numbers, got {short(value)}")
+            raise ValueError(f"{name}: expected real numbers, got {shown(value)}")
         if not found.size or self.axes not in (None, found.ndim):
             axes = "" if self.axes is None else f" along {self.axes} {'axis' if self.axes == 1 else 'axes'}"
             raise ValueError(f"{name}: expected one or more numbers{axes}, got shape {found.shape}")
@@ -218,7 +218,7 @@ class TextColumn:
     def check(self, value: object, name: str) -> tuple[str, ...]:
         """Refuse what is not one text per station."""
         if not isinstance(value, Iterable) or isinstance(value, str):
-            raise ValueError(f"{name}: expected one text per station, got {short(value)}")
+            raise ValueError(f"{name}: expected one text per station, got {shown(value)}")
         return tuple(Text().check(item, name) for item in value)
 
 
@@ -272,7 +272,7 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
         cls = typing.cast(type, spec)
         return value if isinstance(value, cls) else read(cls, value, name)
     if not isinstance(value, list) or not value:
-        raise ValueError(f"{name}: expected one or more tables [[{name}]], got {short(value)}")
+        raise ValueError(f"{name}: expected one or more tables [[{name}]], got {shown(value)}")
     (item, _) = typing.get_args(spec)
     return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
 
@@ -306,23 +306,23 @@ def _read_columns(specs: dict[str, Any], table: Mapping[str, Any], section: str)
     count = Count(at_least=2).check(table["stations"], f"{section}.stations")
     headers, rows = table["columns"], table["rows"]
     if not isinstance(headers, list) or not all(isinstance(header, str) for header in headers):
-        raise ValueError(f'{section}.columns: expected texts such as "radius [m]", got {short(headers)}')
+        raise ValueError(f'{section}.columns: expected texts such as "radius [m]", got {shown(headers)}')
     matches = [_HEADER.fullmatch(header) for header in headers]
     units = {match[1]: match[2] or "" for match in matches if match}
     if len(units) < len(headers):
         raise ValueError(
-            f'{section}.columns: expected each column once, as "radius [m]", got {short(headers)}'
+            f'{section}.columns: expected each column once, as "radius [m]", got {shown(headers)}'
         )
     check_keys(units, specs, section)
     if not isinstance(rows, list) or len(rows) != count:
-        given = len(rows) if isinstance(rows, list) else short(rows)
+        given = len(rows) if isinstance(rows, list) else shown(rows)
         raise ValueError(
             f"{section}.rows: expected the {count} stations declared by {section}.stations, got {given}"
         )
     for station, row in enumerate(rows, 1):
         if not isinstance(row, list) or len(row) != len(units):
             raise ValueError(
-                f"{section}.rows: expected {len(units)} values at station {station}, got {short(row)}"
+                f"{section}.rows: expected {len(units)} values at station {station}, got {shown(row)}"
             )
     columns = dict(zip(units, zip(*rows, strict=True), strict=True))
     return {
@@ -336,5 +336,5 @@ def _read_column(spec: Any, values: tuple[object, ...], unit: str, name: str) ->
     size = unit_size(spec.dimension, unit, name)
     for station, value in enumerate(values, 1):
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{name}: expected a number, got {short(value)} at station {station}")
+            raise ValueError(f"{name}: expected a number, got {shown(value)} at station {station}")
     return spec.check(np.array(values, dtype=float) * size, name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from flapgym.messages import number, short
+from flapgym.wording import number, shown
 
 DEGREE = math.pi / 180.0
 
@@ -47,7 +47,7 @@ def unit_size(dimension: str, unit: str, name: str) -> float:
     unit = " ".join(unit.split())
     if unit not in known:
         expected = " or ".join(repr(key) for key in known if key)
-        raise ValueError(f"{name}: expected {article(dimension)} in {expected}, got the unit {short(unit)}")
+        raise ValueError(f"{name}: expected {article(dimension)} in {expected}, got the unit {shown(unit)}")
     return known[unit]
 
 
@@ -75,10 +75,10 @@ def parse_quantity(value: object, dimension: str, name: str) -> float:
         if match is None or (not match[2] and dimension != "number"):
             unit = next(iter(UNITS[dimension]))
             example = "a number such as 0.5" if dimension == "number" else f'a text such as "1.5 {unit}"'
-            raise ValueError(f"{name}: expected {article(dimension)}, {example}, got {short(value)}")
+            raise ValueError(f"{name}: expected {article(dimension)}, {example}, got {shown(value)}")
         found, size = float(match[1]), unit_size(dimension, match[2], name)
     if not math.isfinite(found):
-        raise ValueError(f"{name}: expected a finite {dimension}, got {short(value)}")
+        raise ValueError(f"{name}: expected a finite {dimension}, got {shown(value)}")
     return found * size
 
 

@@ -26,13 +26,17 @@ def number(value: SupportsFloat) -> str:
     return text.removesuffix(".0")
 
 
-def short(value: object) -> str:
+def shown(value: object) -> str:
     """What was given, as Python writes it: on one line, its middle left out where it is long."""
     if isinstance(value, Integral) and not isinstance(value, bool):
         return _integer(int(value))
     if isinstance(value, Real) and not isinstance(value, bool):
         return number(float(value))
-    return shortened(printable(_Short().repr(value)), LONGEST_VALUE)
+    try:
+        text = _Short().repr(value)
+    except (ValueError, RecursionError):  # too long a number within, or nesting too deep
+        text = f"a {type(value).__name__}"
+    return shortened(printable(text), LONGEST_VALUE)
 
 
 def one_line(text: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.wording import number
+from flapgym.wording import number, shown
 
 Array = NDArray[np.float64]
 
@@ -49,9 +49,18 @@ class StateSpace:
     outputs: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        for kind, names in (("inputs", self.inputs), ("outputs", self.outputs)):
+            if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+                raise ValueError(f"state_space.{kind}: expected a tuple of names, got {shown(names)}")
+        if not isinstance(self.A, np.ndarray) or self.A.ndim != 2:
+            raise ValueError(f"state_space.A: expected a square array, got {shown(self.A)}")
         n, nu, ny = self.A.shape[0], len(self.inputs), len(self.outputs)
         for name, shape in {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu)}.items():
             matrix = getattr(self, name)
+            if not isinstance(matrix, np.ndarray):
+                raise ValueError(
+                    f"state_space.{name}: expected an array of shape {shape}, got {shown(matrix)}"
+                )
             if matrix.shape != shape:
                 raise ValueError(f"state_space.{name}: expected shape {shape}, got {matrix.shape}")
             if not np.isfinite(matrix).all():
@@ -116,6 +125,11 @@ class StateSpace:
         """Outputs (T, ny) for inputs u (T, nu) from state x0 (default zero)."""
         u = np.asarray(u, dtype=float)
         x = np.zeros(self.order) if x0 is None else np.array(x0, dtype=float)
+        for name, value, shape in (("u", u, (*u.shape[:1], len(self.inputs))), ("x0", x, (self.order,))):
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(
+                    f"state_space.simulate.{name}: expected finite numbers of shape {shape}, got {shown(value)}"
+                )
         drive = u @ self.B.T
         states = np.empty((u.shape[0], self.order))
         for n in range(u.shape[0]):

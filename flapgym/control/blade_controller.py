@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flapgym.control.agent import Array, Floats, by_blade
 from flapgym.control.channels import BLADE
 from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Numbers, Quantity
 
 CONTROLLER_INPUTS = BLADE.inputs
 CONTROLLER_OUTPUTS = BLADE.outputs
@@ -54,15 +55,15 @@ class BladeController:
                 f"agent {self.name}: expected a controller from {CONTROLLER_INPUTS} to {CONTROLLER_OUTPUTS}, "
                 f"got {self.system.inputs} to {self.system.outputs}"
             )
-        if not self.acceleration_limit > 0.0:
-            raise ValueError(
-                f"agent {self.name}: acceleration_limit must be positive, got {self.acceleration_limit}"
-            )
+        limit = Quantity("angular acceleration", above=0.0)
+        limit.check(self.acceleration_limit, f"agent {self.name}: acceleration_limit")
         s = self.system
         if self.start.shape != (s.order, len(CONTROLLER_INPUTS)):
             raise ValueError(
                 f"agent {self.name}: start: expected shape {(s.order, 3)}, got {self.start.shape}"
             )
+        if self.start.size:
+            Numbers().check(self.start, f"agent {self.name}: start")
         object.__setattr__(self, "_step", one_product(s, self.acceleration_limit))
 
     @property

@@ -19,6 +19,7 @@ from flapgym.control.channels import Channels, controller_channels
 from flapgym.control.closed_loop import require_model_step
 from flapgym.control.rotor_controller import RotorController
 from flapgym.state_space import Array, StateSpace, series
+from flapgym.turbine.fields import Quantity
 from flapgym.turbulence import von_karman_filter
 
 RBM_UNIT = 1e6
@@ -46,12 +47,9 @@ class Weights:
     measurement_noise: float = 0.01
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.rbm) and self.rbm >= 0.0):
-            raise ValueError(f"weights.rbm: expected a number >= 0, got {self.rbm}")
+        Quantity("number", at_least=0.0).check(self.rbm, "weights.rbm")
         for name in ("flap_angle", "acceleration", "measurement_noise"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise ValueError(f"weights.{name}: expected a positive number, got {value}")
+            Quantity("number", above=0.0).check(getattr(self, name), f"weights.{name}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.channels import controller_channels
 from flapgym.control.closed_loop import closed_loop
 from flapgym.state_space import Array, StateSpace
+from flapgym.turbine.fields import Count
 
 # Dense where tower and whirl modes stand, wide enough for the flap's own dynamics [Hz].
 FREQUENCIES = np.unique(
@@ -84,6 +85,7 @@ def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> 
 
     In multi-blade coordinates what arrives late is turned on, as a controller that knows its delay does.
     """
+    Count(at_least=0).check(steps, "late_measurement.steps")
     channels = controller_channels(controller.inputs)
     m = channels.count
     turn = channels.turn(rotor_speed * controller.time_step)
@@ -107,6 +109,7 @@ def delay_margin(model: TurbineModel, controller: StateSpace, longest: int = 60)
 
     Every delay is tried in turn: beyond an unstable one a loop may be stable again.
     """
+    Count(at_least=1).check(longest, "delay_margin.longest")
     for delay in range(1, longest + 1):
         late = late_measurement(controller, delay, model.rotor_speed)
         if closed_loop(model, late).spectral_radius() >= 1.0:

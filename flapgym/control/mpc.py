@@ -25,6 +25,7 @@ from flapgym.control.lqg import (
     synthesise,
 )
 from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Count
 from flapgym.turbulence import von_karman_filter
 
 SOLVED = 1
@@ -82,8 +83,11 @@ class PredictiveController:
         preview: int = 0,
         blocks: tuple[int, ...] = BLOCKS,
     ) -> None:
-        if preview < 0:
-            raise ValueError(f"agent {name}: preview: expected a number of steps >= 0, got {preview}")
+        Count(at_least=0).check(preview, f"agent {name}: preview")
+        if not blocks:
+            raise ValueError(f"agent {name}: blocks: expected one or more numbers of steps, got none")
+        for index, steps in enumerate(blocks):
+            Count(at_least=1).check(steps, f"agent {name}: blocks[{index}]")
         self.name, self.model_hash, self.preview = name, model.hash, preview
         design = design_model(model)
         self.horizon = condense(design, weights, preview, blocks)

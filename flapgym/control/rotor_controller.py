@@ -12,6 +12,7 @@ from flapgym.control.agent import BLADES, Array, Floats, by_blade
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, one_product
 from flapgym.control.channels import MULTIBLADE, Channels, controller_channels
 from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Numbers, Quantity
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +56,14 @@ class RotorController:
                 f"agent {self.name}: expected a controller of three flaps, got {self.system.inputs} to "
                 f"{self.system.outputs}"
             )
-        if not self.acceleration_limit > 0.0:
-            raise ValueError(
-                f"agent {self.name}: acceleration_limit must be positive, got {self.acceleration_limit}"
-            )
+        limit = Quantity("angular acceleration", above=0.0)
+        limit.check(self.acceleration_limit, f"agent {self.name}: acceleration_limit")
         if self.start.shape != (self.system.order, 3 * BLADES):
             raise ValueError(
                 f"agent {self.name}: start: expected shape {(self.system.order, 9)}, got {self.start.shape}"
             )
+        if self.start.size:
+            Numbers().check(self.start, f"agent {self.name}: start")
         azimuth = ("azimuth",) if channels == MULTIBLADE else ()
         object.__setattr__(self, "observe", (*CONTROLLER_INPUTS, *azimuth))
         object.__setattr__(self, "_step", one_product(self.system, self.acceleration_limit))

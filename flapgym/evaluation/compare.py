@@ -16,6 +16,8 @@ from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.report import writable_folder, write_report
 from flapgym.evaluation.simulate import BATCH, simulate
+from flapgym.turbine.fields import Count, Quantity
+from flapgym.wording import shown
 
 SCORED_SEED = 1_000_000
 """First seed of the scored realisations: tuning and training keep away from this and the next thousand."""
@@ -23,6 +25,7 @@ SCORED_SEED = 1_000_000
 PAPER_REALISATIONS = 5
 MOST_REALISATIONS = 1000
 """As many seeds as are kept for scoring."""
+LARGEST_SEED = 2**63
 LONGEST = 3600.0
 """Longest realisation [s]: a batch of its samples is held in memory."""
 PAPER_LENGTH = 20.0
@@ -129,12 +132,10 @@ def plan(
     ValueError, FileNotFoundError
         Naming the agent, model or option at fault.
     """
-    if not 1 <= realisations <= MOST_REALISATIONS:
-        raise ValueError(f"realisations: expected 1 to {MOST_REALISATIONS}, got {realisations}")
-    if seed < 0:
-        raise ValueError(f"seed: expected a whole number >= 0, got {seed}")
-    if duration is not None and not 1.0 <= duration <= LONGEST:
-        raise ValueError(f"duration: expected 1 to {LONGEST:.0f} s, got {duration}")
+    realisations = Count(at_least=1, at_most=MOST_REALISATIONS).check(realisations, "realisations")
+    seed = Count(at_least=0, at_most=LARGEST_SEED).check(seed, "seed")
+    if duration is not None:
+        Quantity("time", at_least=1.0, at_most=LONGEST).check(duration, "duration")
     if not isinstance(model, TurbineModel):
         model = load_model(model)
     if duration is None:
@@ -210,7 +211,16 @@ def compare(
 
 def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
     """Agents ready to run, open loop first; two of one name would share a row."""
+    if not isinstance(agents, Sequence) or isinstance(agents, str | bytes):
+        raise ValueError(
+            f"agents: expected a list of names, files or agents, in the table's order, got {shown(agents)}"
+        )
     found = [load_agent(a, model) if isinstance(a, str | os.PathLike) else a for a in agents]
+    for agent in found:
+        if not hasattr(agent, "predict"):
+            raise ValueError(
+                f"agents: expected names, files or agents (flapgym.control.Agent), got {shown(agent)}"
+            )
     ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if agent.name != OpenLoop.name))
     for agent in ordered:
         check_time_step(agent, model.time_step)

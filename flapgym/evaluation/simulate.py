@@ -12,6 +12,7 @@ from flapgym.control import Agent, OpenLoop
 from flapgym.control.agent import check_time_step
 from flapgym.envs import FlapVectorEnv
 from flapgym.evaluation.metrics import Record
+from flapgym.turbine.fields import Quantity
 
 BATCH = 10
 """Realisations run side by side: more of them would hold gigabytes of samples."""
@@ -44,6 +45,9 @@ def simulate(
     **settings
         Further keywords of the environment, as `measurement_noise`; turbulence is the model's own unless given.
     """
+    if not len(seeds):
+        raise ValueError("simulate.seeds: expected one or more, got none")
+    Quantity("time", above=0.0).check(duration, "simulate.duration")
     check_time_step(agent, model.time_step)
     environment = FlapVectorEnv(
         num_envs=len(seeds),

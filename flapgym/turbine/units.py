@@ -28,6 +28,7 @@ UNITS: dict[str, dict[str, float]] = {
     "inertia": {"kg m^2": 1.0},
     "inertia per length": {"kg m": 1.0},
     "force": {"N": 1.0, "kN": 1e3, "MN": 1e6},
+    "moment": {"N m": 1.0, "kN m": 1e3, "MN m": 1e6},
     "bending stiffness": {"N m^2": 1.0},
     "torsion spring": {"N m/rad": 1.0},
     "torsion damper": {"N m s/rad": 1.0},

@@ -182,7 +182,8 @@ def _warn(system: StateSpace, unsafe: str) -> None:
     if system.order > LARGEST_TRANSFER_FUNCTION:
         warnings.warn(
             f"{unsafe} pass through a transfer function or know no units, and lose all digits at order "
-            f"{system.order}: take StateSpace.frequency_response, or to_frd, to_zpk and compact_blade of flapgym.aeroelastic.export",
+            f"{system.order}: take StateSpace.frequency_response, or to_frd, to_zpk and compact_blade of "
+            "flapgym.aeroelastic.export",
             ExportWarning,
             stacklevel=3,
         )

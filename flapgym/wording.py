@@ -11,8 +11,8 @@ DIGITS = 15
 """A double holds as many of any decimal number; what `repr` adds beyond them is rounding."""
 AFTER_ROUNDING = 12
 LONGEST_VALUE = 120
-LONGEST_LINE = 2000
-LONGEST_INTEGER = 40
+LONGEST_LINE = 1000
+LONGEST_INTEGER = 60
 
 
 def number(value: SupportsFloat) -> str:
@@ -39,9 +39,9 @@ def shown(value: object) -> str:
     return shortened(printable(text), LONGEST_VALUE)
 
 
-def one_line(text: str) -> str:
-    """A message as one line that any terminal shows, however it was put together."""
-    return shortened(printable(" ".join(text.split())), LONGEST_LINE)
+def one_line(message: object, longest: int = LONGEST_LINE) -> str:
+    """A message as one line that any terminal shows, however it was put together, its middle left out if it is long."""
+    return shortened(printable(" ".join(str(message).split())), longest)
 
 
 def printable(text: str) -> str:
@@ -61,10 +61,10 @@ def shortened(text: str, most: int) -> str:
 
 
 def _integer(value: int) -> str:
-    if value.bit_length() > 1000:  # Python itself refuses to write thousands of digits
-        sign = "minus a" if value < 0 else "a"
-        return f"{sign} whole number of some {round(value.bit_length() * math.log10(2.0))} digits"
-    return shortened(str(value), LONGEST_INTEGER)
+    if abs(value) < 10**LONGEST_INTEGER:
+        return str(value)
+    # Python writes none of more than 4300 digits.
+    return f"an integer of some {round(value.bit_length() * math.log10(2.0))} digits"
 
 
 class _Short(reprlib.Repr):

@@ -9,9 +9,10 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ORDER = [
-    "atomic",
     "wording",
+    "atomic",
     "program",
+    "files",
     "state_space",
     "turbine",
     "turbulence",

@@ -18,10 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.turbine.units import article, parse_quantity, show, unit_size
-from flapgym.wording import shown
+from flapgym.wording import one_line, shown
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+
+LONGEST_TEXT = 1000
+"""Characters of a text in a file, which may be the path of another."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +77,11 @@ class Quantity(_Bounded):
             return value
         if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
             raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {shown(value)}")
-        if not self.holds(np.asarray(value, dtype=float)):
-            given = show(float(value), self.dimension)
+        number = as_float(value)
+        if not self.holds(np.asarray(number)):
+            given = show(number, self.dimension)
             raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given}")
-        return float(value)
+        return number
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,7 @@ class Count(_Bounded):
     def check(self, value: object, name: str) -> int:
         """Refuse what is not a whole number in range."""
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        if not whole or not self.holds(np.asarray(value, dtype=float)):
+        if not whole or not self.holds(np.asarray(as_float(typing.cast(int, value)))):
             range_ = self.describe("number").replace("a finite ", "")
             raise ValueError(f"{name}: expected a whole number, {range_}, got {shown(value)}")
         return int(typing.cast(int, value))
@@ -124,7 +128,7 @@ class Count(_Bounded):
 
 @dataclass(frozen=True)
 class Text:
-    """A text that is not empty."""
+    """A text of one line that is not empty."""
 
     def parse(self, value: object, name: str) -> str:
         """Read a TOML value."""
@@ -134,6 +138,11 @@ class Text:
         """Refuse what is not a text."""
         if not isinstance(value, str) or not value.strip():
             raise ValueError(f"{name}: expected a text, got {shown(value)}")
+        # Names go to terminals, tables and figures.
+        if not value.isprintable() or len(value) > LONGEST_TEXT:
+            raise ValueError(
+                f"{name}: expected a text of one line and at most {LONGEST_TEXT} characters, got {shown(value)}"
+            )
         return value
 
 
@@ -163,7 +172,10 @@ class Column(_Bounded):
 
     def check(self, value: object, name: str) -> Array:
         """Refuse a column with a value out of range or out of order; return it read-only."""
-        column = np.array(value, dtype=np.float64)
+        try:
+            column = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"{name}: expected a row of numbers, got {shown(value)}") from None
         if column.ndim != 1 or column.size < 2:
             raise ValueError(f"{name}: expected two or more stations in one row, got shape {column.shape}")
         outside = np.flatnonzero(~self.holds(column))
@@ -222,6 +234,14 @@ class TextColumn:
         return tuple(Text().check(item, name) for item in value)
 
 
+def as_float(value: float) -> float:
+    """The number in double precision; infinite where it has no room there."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
+
+
 def specification(cls: type) -> dict[str, Any]:
     """Return what each field of a data class may hold: a specification of this module, or a (nested) type."""
     hints = typing.get_type_hints(cls, include_extras=True)
@@ -257,7 +277,7 @@ def read(cls: type[T], table: object, section: str = "") -> T:
         Dotted name of the table, for messages.
     """
     if not isinstance(table, Mapping):
-        raise ValueError(f"{section}: expected a table [{section}], got {table!r}")
+        raise ValueError(f"{section}: expected a table [{section}], got {shown(table)}")
     specs = specification(cls)
     if any(isinstance(spec, Column) for spec in specs.values()):
         return cls(**_read_columns(specs, table, section))
@@ -282,7 +302,7 @@ def check_keys(table: Mapping[str, object], known: Iterable[str], section: str) 
     known = list(known)
     for key in table:
         if key not in known:
-            raise ValueError(f"{_dotted(section, key)}: unknown key; {_suggest(key, known)}")
+            raise ValueError(f"{one_line(_dotted(section, key), 100)}: unknown key; {_suggest(key, known)}")
     for key in known:
         if key not in table:
             raise ValueError(f"{_dotted(section, key)}: missing; give it a value")
@@ -337,4 +357,4 @@ def _read_column(spec: Any, values: tuple[object, ...], unit: str, name: str) ->
     for station, value in enumerate(values, 1):
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"{name}: expected a number, got {shown(value)} at station {station}")
-    return spec.check(np.array(values, dtype=float) * size, name)
+    return spec.check(np.array([as_float(value) for value in values]) * size, name)

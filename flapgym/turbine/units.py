@@ -70,9 +70,13 @@ def parse_quantity(value: object, dimension: str, name: str) -> float:
         The value in SI units and radians; finite.
     """
     if isinstance(value, int | float) and not isinstance(value, bool) and dimension == "number":
-        found, size = float(value), 1.0
+        try:
+            found, size = float(value), 1.0
+        except OverflowError:
+            found, size = math.inf, 1.0
     else:
-        match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+        # The expression's time grows faster than the text.
+        match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) < 100 else None
         if match is None or (not match[2] and dimension != "number"):
             unit = next(iter(UNITS[dimension]))
             example = "a number such as 0.5" if dimension == "number" else f'a text such as "1.5 {unit}"'

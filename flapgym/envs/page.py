@@ -7,6 +7,7 @@ writes `docs/environment.md`, which lists them, and one page for each in `docs/e
 
 from __future__ import annotations
 
+import argparse
 import ast
 import inspect
 import json
@@ -21,6 +22,7 @@ import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
 from flapgym.envs.registration import ENVIRONMENTS, Registered
+from flapgym.program import Parser, Work, run
 
 _MADE = "<!-- Made by `python -m flapgym.envs.page docs`; edit the docstrings and flapgym/envs/registration.py. -->"
 
@@ -179,13 +181,28 @@ def write(folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the pages below the folder named."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if len(given) != 1 or not Path(given[0]).is_dir():
-        raise SystemExit("usage: python -m flapgym.envs.page FOLDER (an existing one, such as docs)")
-    write(Path(given[0]))
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the pages below the folder named; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    if not options.folder.is_dir():
+        raise ValueError(f"folder: expected an existing one, such as docs, got {options.folder}")
+
+    def work() -> int:
+        write(options.folder)
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m flapgym.envs.page", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="flapgym.envs.page")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the documentation, such as docs")
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -64,6 +64,7 @@ def _main(name):
     [
         *((name, 0.6) for name in ("flapgym", "baselines.tune", "train.policies", "benchmarks.environment")),
         *((name, 4.0) for name in PROGRAMS if name != "flapgym.envs.page"),
+        ("benchmarks.environment", 9.0),  # within the library that takes the times
     ],
 )
 def test_an_interrupt_ends_a_program_with_one_line_and_130(name, seconds, tmp_path):

@@ -72,6 +72,8 @@ def best_of(
             warnings.catch_warnings(action="ignore"),
         ):
             code = pytest.main(options, plugins=[_Turns(list(calls.values()), rounds, tell)])
+        if code == pytest.ExitCode.INTERRUPTED:  # pytest keeps the interrupt to itself
+            raise KeyboardInterrupt
         if code != pytest.ExitCode.OK:
             raise RuntimeError(f"pytest-benchmark ended with {code}; run the call that failed by itself")
         times = json.loads(found.read_text(encoding="utf-8"))["benchmarks"]

@@ -114,7 +114,7 @@ def _takes_modes(sub: argparse.ArgumentParser) -> None:
     _takes_case(sub)
     sub.add_argument(
         "--blade-elements",
-        type=whole(1),
+        type=int,
         metavar="N",
         help="12 (the paper's Table 2) or 48 (all documented stations); default: the case's",
     )

@@ -36,6 +36,11 @@ class _Turns:
         if place == "0":
             self._tell(f"round {int(turn) + 1} of {self._rounds}")
 
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_keyboard_interrupt(self) -> None:
+        """Ctrl-C ends the program: pytest would end the tests in order and say so in its own words."""
+        raise KeyboardInterrupt
+
 
 def best_of(
     calls: Mapping[Key, Callable[[], object]], seconds: float, rounds: int, tell: Callable[[str], None]
@@ -72,8 +77,6 @@ def best_of(
             warnings.catch_warnings(action="ignore"),
         ):
             code = pytest.main(options, plugins=[_Turns(list(calls.values()), rounds, tell)])
-        if code == pytest.ExitCode.INTERRUPTED:  # pytest keeps the interrupt to itself
-            raise KeyboardInterrupt
         if code != pytest.ExitCode.OK:
             raise RuntimeError(f"pytest-benchmark ended with {code}; run the call that failed by itself")
         times = json.loads(found.read_text(encoding="utf-8"))["benchmarks"]

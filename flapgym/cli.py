@@ -30,6 +30,7 @@ from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
 from flapgym.turbine import BUILT_IN, load_case
+from flapgym.wording import number
 
 PICTURES = (".pdf", ".png", ".svg")
 
@@ -259,11 +260,11 @@ def describe(model: TurbineModel) -> str:
     angle, rate, acceleration = (value / degree for value in limits)
     lines = [
         f"model            {model.name} (format {model.format_version}, hash {model.hash[:12]})",
-        f"operating point  wind {model.wind_speed:g} m/s, rotor {model.rotor_speed:.4f} rad/s",
-        f"turbulence       intensity {model.turbulence_intensity:.1%}, length scale {model.length_scale:g} m",
-        f"time step        {model.time_step:g} s",
+        f"operating point  wind {number(model.wind_speed)} m/s, rotor {model.rotor_speed:.4f} rad/s",
+        f"turbulence       intensity {model.turbulence_intensity:.1%}, length scale {number(model.length_scale)} m",
+        f"time step        {number(model.time_step)} s",
         f"form             {model.form}",
-        f"flap             {angle:g} deg, {rate:g} deg/s, {acceleration:g} deg/s^2 to either side",
+        f"flap             {number(angle)} deg, {number(rate)} deg/s, {number(acceleration)} deg/s^2 to either side",
         f"turbine          {turbine.order} states, spectral radius {turbine.spectral_radius():.6f}",
         f"single blade     {blade.order} states, spectral radius {blade.spectral_radius():.6f}",
         f"root moment      {gain['wind'] / 1e6:.3f} MN m per m/s of wind, "

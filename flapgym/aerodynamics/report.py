@@ -11,6 +11,7 @@ from flapgym.aerodynamics.response import steady_circulation, transfer_function
 from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load
 from flapgym.aerodynamics.steady import mean_loads
 from flapgym.turbine import Case
+from flapgym.wording import number
 
 Array = NDArray[np.float64]
 
@@ -39,12 +40,12 @@ def describe_aerodynamics(case: Case) -> str:
     circulations = rotor.blades * (lattice.normal.shape[0] + lattice.strips * rotor.wake_rows)
     point = case.operating_point
     lines = [
-        f"case             {case.name}: wind {point.wind_speed:g} m/s, rotor {case.rotor_speed:.4f} rad/s, "
-        f"pitch {point.pitch / degree:g} deg",
+        f"case             {case.name}: wind {number(point.wind_speed)} m/s, rotor {case.rotor_speed:.4f} rad/s, "
+        f"pitch {number(point.pitch / degree)} deg",
         f"lattice          {rotor.blades} blades of {lattice.chordwise} x {lattice.strips} rings, time step "
-        f"{rotor.time_step:g} s",
-        f"wake             {rotor.wake_rows} rows, {grid.wake_length:g} diameters, induction {grid.induction:g}; "
-        f"{circulations} circulations in all",
+        f"{number(rotor.time_step)} s",
+        f"wake             {rotor.wake_rows} rows, {number(grid.wake_length)} diameters, "
+        f"induction {number(grid.induction)}; {circulations} circulations in all",
         "mean loads       rigid blades, no profile drag, undeflected:",
         f"  thrust         {mean.thrust / 1e3:8.1f} kN      coefficient {mean.thrust_coefficient:.3f}",
         f"  torque         {mean.torque / 1e3:8.1f} kN m    by leading-edge suction "

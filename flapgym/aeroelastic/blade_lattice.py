@@ -26,6 +26,7 @@ from flapgym.state_space import Array
 from flapgym.structure import LinearBlade
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
+from flapgym.wording import number
 
 _MOST_ROWS = 4096
 _SCALING_FREQUENCY = 0.2  # Hz; lattice outputs count by their size here, where turbulence has its energy
@@ -81,8 +82,8 @@ def blade_lattice(case: Case, aero: Aerodynamics, blade: LinearBlade, shape: Arr
     if not (np.isfinite(angle).all() and angle.any()):
         flap = case.flap
         raise ValueError(
-            f"flap: the lattice resolves no flap from span_start {flap.span_start:g} to span_end {flap.span_end:g} "
-            f"of chord_fraction {flap.chord_fraction:g}; make it larger"
+            f"flap: the lattice resolves no flap from span_start {number(flap.span_start)} to span_end "
+            f"{number(flap.span_end)} of chord_fraction {number(flap.chord_fraction)}; make it larger"
         )
     gust = gust_downwash(aero)
     hub = hub_turn_downwash(aero, case.operating_point.wind_speed)

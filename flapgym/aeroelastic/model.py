@@ -23,6 +23,7 @@ from flapgym.aeroelastic.harmonics import PeriodicPart, shaken_at
 from flapgym.aeroelastic.record import Flutter, Record
 from flapgym.atomic import write_atomically
 from flapgym.state_space import Array, StateSpace, require_time_step
+from flapgym.wording import number
 
 FORMAT_VERSION = 2
 _SYSTEMS = ("turbine", "blade")
@@ -157,9 +158,9 @@ class TurbineModel:
             return "time-invariant, blades alike"
         degree = np.pi / 180.0
         differ = "; ".join(
-            f"{name} {', '.join(f'{value:g}' for value in values)}"
+            f"{name} {', '.join(f'{number(value)}' for value in values)}"
             if name != "pitch_offset"
-            else f"{name} {', '.join(f'{value / degree:g}' for value in values)} deg"
+            else f"{name} {', '.join(f'{number(value / degree)}' for value in values)} deg"
             for name, values in self.case["blades"].items()
             if len(set(values)) > 1
         )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control.agent import BLADES, Array, Floats
+from flapgym.wording import shown
 
 Activation = Literal["tanh", "relu"]
 Squash = Literal["clip", "tanh"]
@@ -60,7 +61,7 @@ class Policy:
         ):
             if value not in known:
                 raise ValueError(
-                    f"agent {self.name}: {field}: expected one of {', '.join(known)}, got {value!r}"
+                    f"agent {self.name}: {field}: expected one of {', '.join(known)}, got {shown(value)}"
                 )
         if self.steps_per_action < 1:
             raise ValueError(

@@ -30,6 +30,7 @@ from flapgym.envs.settings import Settings
 from flapgym.envs.step_info import FullInfo, StepInfo
 from flapgym.plant import layout
 from flapgym.plant.interface import FloatArray, Quick, told
+from flapgym.wording import shown
 
 # Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
 empty, ndarray, FLOAT32, ROW = np.empty, np.ndarray, np.dtype(np.float32), layout.ROW
@@ -166,7 +167,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(self, render_mode: str | None = None, **keywords: Any) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {render_mode!r}')
+            raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {shown(render_mode)}')
         self.render_mode = render_mode
         self.settings = Settings.of(keywords)
         self._fleet = Fleet(self.settings, 1, self.single_blade, self.settings.full_info)

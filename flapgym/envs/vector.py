@@ -29,6 +29,7 @@ from flapgym.envs.rendering import SHOWN, Screen
 from flapgym.envs.settings import Settings
 from flapgym.plant.states import checked_observation
 from flapgym.state_space import Array
+from flapgym.wording import shown
 
 Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
 NO_TURBINES = np.empty(0, dtype=np.int64)
@@ -66,14 +67,16 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         **keywords: Any,
     ) -> None:
         if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
-            raise ValueError(f"num_envs: expected a whole number of at least 1, got {num_envs!r}")
+            raise ValueError(f"num_envs: expected a whole number of at least 1, got {shown(num_envs)}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(
-                f'render_mode: expected None or "rgb_array", got {render_mode!r}; a window shows a FlapEnv'
+                f'render_mode: expected None or "rgb_array", got {shown(render_mode)}; a window shows a FlapEnv'
             )
         modes = [mode.value for mode in AutoresetMode]
         if autoreset_mode not in (*AutoresetMode, *modes):
-            raise ValueError(f"autoreset_mode: expected one of {', '.join(modes)}, got {autoreset_mode!r}")
+            raise ValueError(
+                f"autoreset_mode: expected one of {', '.join(modes)}, got {shown(autoreset_mode)}"
+            )
         self.num_envs = int(num_envs)
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -113,7 +116,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         if len(generators) != self.num_envs or not all(
             isinstance(each, np.random.Generator) for each in generators
         ):
-            raise ValueError(f"np_random: expected {self.num_envs} numpy generators, got {generators!r}")
+            raise ValueError(f"np_random: expected {self.num_envs} numpy generators, got {shown(generators)}")
         self._generators, self._seeds = list(generators), [-1] * self.num_envs
 
     @property
@@ -296,7 +299,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         ):
             raise ValueError(
                 f"seed: expected one whole number of at least 0, or a list of {self.num_envs} of them or None, "
-                f"got {seed!r}"
+                f"got {shown(seed)}"
             )
         return [None if entry is None else int(entry) for entry in each]
 
@@ -304,14 +307,14 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
 def checked_mask(options: Mapping[str, Any] | None, count: int) -> NDArray[np.bool_]:
     """The environments of a reset's `options["reset_mask"]`, (count,); all without one."""
     if options is not None and not isinstance(options, Mapping):
-        raise ValueError(f'options: expected a dict, such as {{"reset_mask": mask}}, got {options!r}')
+        raise ValueError(f'options: expected a dict, such as {{"reset_mask": mask}}, got {shown(options)}')
     given = None if options is None else options.get("reset_mask")
     if given is None:
         return np.ones(count, dtype=bool)
     mask = np.asarray(given)
     if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
         raise ValueError(
-            f'options["reset_mask"]: expected {count} booleans of which one at least is true, got {given!r}'
+            f'options["reset_mask"]: expected {count} booleans of which one at least is true, got {shown(given)}'
         )
     return mask
 

@@ -26,6 +26,7 @@ from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.envs.servo import Servo
 from flapgym.plant.states import checked_numbers, checked_observation
 from flapgym.state_space import Array
+from flapgym.wording import shown
 
 Observation = NDArray[np.float32]
 Step = tuple[Observation, float, bool, bool, dict[str, Any]]
@@ -183,7 +184,7 @@ def check_agent(state: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     for name, value in own.items():
         if entry.get(name) != value:
             raise ValueError(
-                f"state: agent: made by one with {name} {entry.get(name)!r}, this one has {value!r}"
+                f"state: agent: made by one with {name} {shown(entry.get(name))}, this one has {shown(value)}"
             )
 
 
@@ -322,7 +323,7 @@ def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> Array:
     """An action as float; anything but finite numbers of the right shape is refused."""
     values = numbers(action, shape).astype(float)
     if not np.isfinite(values).all():
-        raise ValueError(f"action: expected finite numbers, got {action!r}")
+        raise ValueError(f"action: expected finite numbers, got {shown(action)}")
     return values
 
 
@@ -335,12 +336,12 @@ def averaged(infos: list[dict[str, Any]]) -> dict[str, Any]:
 def checked_scale(scale: float) -> float:
     """A positive finite scale."""
     if not (isinstance(scale, (int, float)) and not isinstance(scale, bool) and 0.0 < scale < np.inf):
-        raise ValueError(f"scale: expected a positive number, got {scale!r}")
+        raise ValueError(f"scale: expected a positive number, got {shown(scale)}")
     return float(scale)
 
 
 def checked_hold(hold: int) -> int:
     """A whole number of at least one."""
     if isinstance(hold, bool) or not isinstance(hold, (int, np.integer)) or hold < 1:
-        raise ValueError(f"hold: expected a whole number of at least 1, got {hold!r}")
+        raise ValueError(f"hold: expected a whole number of at least 1, got {shown(hold)}")
     return int(hold)

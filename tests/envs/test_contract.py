@@ -446,3 +446,25 @@ def test_an_environment_of_a_model_that_no_file_holds_can_be_copied(copied):
     env = flapgym.envs.FlapEnv(model=synthetic_model())
     env.reset(seed=0)
     np.testing.assert_array_equal(copied(env).step(np.ones(3))[0], env.step(np.ones(3))[0])
+
+
+def test_a_wind_speed_that_differs_in_the_last_digits_is_told_from_the_model_s(model_file):
+    with pytest.raises(
+        ValueError, match=r"built for 11 m/s, got 11\.000001 m/s; .*wind_speed = \"11\.000001 m/s\""
+    ):
+        _make(model_file, wind_speed=11.000001)
+
+
+def test_a_recording_that_is_too_short_is_refused_with_the_duration_that_fits(model_file, tmp_path):
+    rows = "".join(f"{1704067200 + second}, 11.5\n" for second in range(21))
+    (tmp_path / "mast.csv").write_text(f"time [s], wind [m/s]\n{rows}")
+    gust = {"kind": "recorded", "file": str(tmp_path / "mast.csv")}
+    with pytest.raises(
+        ValueError, match=r"duration: .*at most 19\.985 s, whole actions of 0\.035 s.* got 20 s"
+    ):
+        _make(model_file, gust=gust, duration=20.0)
+    assert _make(model_file, gust=gust, duration=19.985).reset(seed=0)[0].shape == (3,)
+    with pytest.raises(
+        ValueError, match=r"gust.start: .* holds 1704067200 to 1704067220 s; .* got 1704067100\.5 s"
+    ):
+        _make(model_file, gust=gust | {"start": 1704067100.5}, duration=5.0)

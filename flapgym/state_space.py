@@ -6,7 +6,7 @@ x^{n+1} = A x^n + B u^n, y^n = C x^n + D u^n, with input and output at the same 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,9 +100,14 @@ class StateSpace:
 
     def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> StateSpace:
         """The same system with only the named inputs and outputs, in the order given."""
+        for kind, given in (("inputs", inputs), ("outputs", outputs)):
+            if isinstance(given, (str, Set)):  # a set has no order, a text is no list of names
+                raise ValueError(f"state_space.{kind}: expected a list of names, got {shown(given)}")
         inputs = self.inputs if inputs is None else tuple(inputs)
         outputs = self.outputs if outputs is None else tuple(outputs)
         for known, wanted, kind in ((self.inputs, inputs, "inputs"), (self.outputs, outputs, "outputs")):
+            if len(set(wanted)) < len(wanted):
+                raise ValueError(f"state_space.{kind}: expected each name once, got {', '.join(wanted)}")
             unknown = [name for name in wanted if name not in known]
             if unknown:
                 raise ValueError(f"state_space.{kind}: no {unknown[0]!r} among {', '.join(known)}")

@@ -74,7 +74,8 @@ def test_an_interrupt_ends_a_program_with_one_line_and_130(name, seconds, tmp_pa
     _, error = running.communicate(timeout=MINUTES)
     if name == "benchmarks.predictive_solvers" and running.returncode == 0:
         pytest.skip("it was done before")
-    assert running.returncode == 130, error.decode()
+    # Where a library ran code by itself, Python ends by the signal: to a shell that is 130 too.
+    assert running.returncode in (130, -signal.SIGINT), error.decode()
     # A bar may stand before it, which ends with a carriage return.
     last = error.decode().replace("\r", "\n").strip().splitlines()[-1]
     assert last.startswith(f"{name}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any, NamedTuple
@@ -29,6 +30,8 @@ FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 BIT_GENERATORS = ("MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64")
 BUFFERS = {"pos": 624, "buffer_pos": 4}
 """What a generator's place in its own numbers is called, and the last one."""
+UNREADABLE = (TypeError, ValueError, OverflowError, RuntimeError)
+"""What others' arrays raise that NumPy cannot read: ragged, too large, or a tensor that keeps gradients."""
 RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turbulence_intensity")
 
 Info = dict[str, Any]
@@ -366,7 +369,7 @@ def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] |
     else:
         try:
             values = _as_floats(actions)
-        except (TypeError, ValueError, OverflowError):
+        except UNREADABLE:
             raise ValueError(
                 f"action: expected real numbers of shape {shape}, got {shown(actions)}"
             ) from None
@@ -476,6 +479,17 @@ def true_or_false(given: Any) -> bool:
     return bool(given)
 
 
+def whole_seed(given: Any) -> int:
+    """A seed, whichever library's whole number it is."""
+    try:
+        seed = -1 if isinstance(given, (bool, np.bool_)) else operator.index(given)
+    except TypeError:
+        seed = -1
+    if seed < 0:
+        raise ValueError(f"seed: expected a whole number of at least 0, got {shown(given)}")
+    return seed
+
+
 def seed_number(given: Any) -> int:
     """A seed of a state; -1 stands for a generator that was set."""
     if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or given < -1:
@@ -547,7 +561,7 @@ def _option(options: Mapping[str, Any], name: str, shape: tuple[int, ...], limit
         if given.dtype.kind not in "iuf":
             raise TypeError
         value = np.broadcast_to(given, shape).astype(float)
-    except (TypeError, ValueError):
+    except UNREADABLE:
         raise ValueError(
             f"options.{name}: expected numbers that fit shape {shape}, got {shown(options[name])}"
         ) from None
@@ -563,7 +577,10 @@ def _seeds(options: Mapping[str, Any], n: int, pool: int) -> list[int] | None:
     given = options.get("realisation_seed")
     if given is None:
         return None
-    seeds = np.asarray(given)
+    try:
+        seeds = np.asarray(given)
+    except UNREADABLE:
+        seeds = np.empty(0)
     if seeds.dtype.kind not in "iu" or seeds.shape not in ((), (n,)) or seeds.min() < 0:
         raise ValueError(
             f"options.realisation_seed: expected one non-negative whole number, or one for each of {n} environments, "

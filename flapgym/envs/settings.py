@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -18,6 +19,8 @@ from flapgym.turbulence import gust_of
 from flapgym.turbulence.gusts import ROUNDING, Recorded, is_number
 from flapgym.wording import number, shown
 
+LARGEST_POOL = 1_000_000
+"""Realisations of a pool: each takes some kilobytes from the start and half a megabyte once it has been met."""
 FRACTION = "a fraction of at least 0 and below 1 (0.10 is 10 %)"
 """What a turbulence intensity must be."""
 LIMITS = {
@@ -66,31 +69,39 @@ class Settings:
         for name in ("full_info", "record_samples"):
             if not isinstance(getattr(self, name), (bool, np.bool_)):
                 raise ValueError(f"{name}: expected True or False, got {shown(getattr(self, name))}")
+            self._take(name, bool(getattr(self, name)))
         for name, (lowest, highest, unit) in LIMITS.items():
             value = getattr(self, name)
             if value is None and name == "wind_speed":
                 continue
             if not is_number(value):
                 raise ValueError(f"{name}: expected a finite number, got {shown(value)}")
+            # As Python's: bounds overflow in NumPy's numbers of few bits.
+            value = value if isinstance(value, int) else float(value)
             if not lowest <= value <= highest:
                 raise ValueError(
                     f"{name}: expected a number from {number(lowest)} to {number(highest)}{unit}, got {shown(value)}"
                 )
-        object.__setattr__(self, "turbulence_intensity", _checked_intensity(self.turbulence_intensity))
+            self._take(name, float(value))
+        self._take("turbulence_intensity", _checked_intensity(self.turbulence_intensity))
         steps = self.steps_per_action
         if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or not 1 <= steps <= 100:
             raise ValueError(f"steps_per_action: expected a whole number from 1 to 100, got {shown(steps)}")
+        # NumPy's own numbers are of few bits, some of them, and overflow when they are counted with.
+        self._take("steps_per_action", int(steps))
         pool = self.realisation_pool
-        if isinstance(pool, bool) or not isinstance(pool, (int, np.integer)) or pool < 0:
-            raise ValueError(f"realisation_pool: expected a whole number of at least 0, got {shown(pool)}")
+        if isinstance(pool, bool) or not isinstance(pool, (int, np.integer)) or not 0 <= pool <= LARGEST_POOL:
+            raise ValueError(
+                f"realisation_pool: expected a whole number from 0 to {LARGEST_POOL}, got {shown(pool)}"
+            )
+        self._take("realisation_pool", int(pool))
         for name, known in (("precision", PRECISIONS), ("kernel", KERNELS)):
-            if getattr(self, name) not in known:
-                raise ValueError(
-                    f"{name}: expected one of {', '.join(known)}, got {shown(getattr(self, name))}"
-                )
-        object.__setattr__(self, "observe", checked_observe(self.observe))
-        object.__setattr__(self, "stuck_flaps", _three("stuck_flaps", self.stuck_flaps, optional=True))
-        object.__setattr__(self, "flap_effectiveness", _three("flap_effectiveness", self.flap_effectiveness))
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in known:
+                raise ValueError(f"{name}: expected one of {', '.join(known)}, got {shown(value)}")
+        self._take("observe", checked_observe(self.observe))
+        self._take("stuck_flaps", _three("stuck_flaps", self.stuck_flaps, optional=True))
+        self._take("flap_effectiveness", _three("flap_effectiveness", self.flap_effectiveness))
         if not all(0.0 <= factor <= 2.0 for factor in self.flap_effectiveness):
             raise ValueError(
                 f"flap_effectiveness: expected factors from 0 (a floating flap) to 2, got {self.flap_effectiveness}"
@@ -102,18 +113,24 @@ class Settings:
                     f"realisation_pool: expected 0 beside a gust, whose wind no pool holds, got {pool}"
                 )
 
+    def _take(self, name: str, value: object) -> None:
+        """Keep a checked value in its canonical type."""
+        object.__setattr__(self, name, value)
+
     @classmethod
-    def of(cls, keywords: dict[str, Any]) -> Settings:
-        """From an environment's keywords; an unknown one is refused by name."""
+    def of(cls, keywords: dict[str, Any], owner: str) -> Settings:
+        """From the keywords of an environment's class `owner`; an unknown one is refused by name.
+
+        The refusal begins in Python's own words: other libraries look for them to learn what an environment takes.
+        """
         known = [field.name for field in fields(cls)]
         for name in keywords:
-            if name == "max_episode_steps":
-                raise TypeError(
-                    "max_episode_steps: expected duration in its place, the seconds of an episode of every environment"
-                )
             if name not in known:
+                near = difflib.get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}, render_mode"
+                hint = "give duration in its place [s]" if name == "max_episode_steps" else hint
                 raise TypeError(
-                    f"{name}: no such keyword of the environment; known: {', '.join(known)}, render_mode"
+                    f"{owner}.__init__() got an unexpected keyword argument {shown(name)}; {hint}"
                 )
         return cls(**keywords)
 
@@ -233,7 +250,7 @@ def _three(name: str, values: object, optional: bool = False) -> tuple[Any, ...]
     for value in values:
         if not ((optional and value is None) or is_number(value)):
             raise ValueError(f"{name}: expected three finite {what}, blade 1 first, got {shown(values)}")
-    return tuple(values)
+    return tuple(None if value is None else float(value) for value in values)
 
 
 def _checked_intensity(given: Any) -> float | tuple[float, ...]:
@@ -245,14 +262,19 @@ def _checked_intensity(given: Any) -> float | tuple[float, ...]:
             raise ValueError(f"turbulence_intensity: expected a finite number, got {shown(value)}")
         if not 0.0 <= value < 1.0:
             raise ValueError(f"turbulence_intensity: expected {FRACTION}, got {shown(value)}")
-    return tuple(float(value) for value in values) if several else given
+    return tuple(float(value) for value in values) if several else float(given)
 
 
 def checked_observe(observe: Sequence[str]) -> tuple[str, ...]:
     """The observed quantities as a tuple, or an error that names the one that does not exist."""
-    if not isinstance(observe, Iterable):
+    if not isinstance(observe, Iterable) or isinstance(
+        observe, (bytes, Set, Mapping)
+    ):  # whose order says nothing
         raise ValueError(f"observe: expected names among {', '.join(QUANTITIES)}, got {shown(observe)}")
     names = (observe,) if isinstance(observe, str) else tuple(observe)
+    names = tuple(
+        str(name) if isinstance(name, str) else name for name in names
+    )  # NumPy has texts of its own
     if not names:
         raise ValueError(f"observe: expected at least one of {', '.join(QUANTITIES)}, got none")
     for name in names:

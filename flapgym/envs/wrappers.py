@@ -24,8 +24,10 @@ from flapgym.control.agent import Agent, Floats, check_time_step
 from flapgym.envs.fleet import numbers, read_entry
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.envs.servo import Servo
+from flapgym.envs.spec import plain
 from flapgym.plant.states import checked_numbers, checked_observation
 from flapgym.state_space import Array
+from flapgym.turbulence.gusts import is_number
 from flapgym.wording import shown
 
 Observation = NDArray[np.float32]
@@ -112,11 +114,11 @@ class Residual(
     def __init__(
         self,
         env: gymnasium.Env[Observation, Any],
-        agent: str | Agent,
+        agent: str | os.PathLike[str] | Agent,
         scale: float = 0.5,
         hold: int = 1,
     ) -> None:
-        RecordConstructorArgs.__init__(self, agent=agent, scale=scale, hold=hold)
+        RecordConstructorArgs.__init__(self, **plain({"agent": agent, "scale": scale, "hold": hold}))
         gymnasium.Wrapper.__init__(self, env)
         self.agent, self._columns = fitted_agent(agent, env.unwrapped)
         self.scale, self.hold = checked_scale(scale), checked_hold(hold)
@@ -229,7 +231,7 @@ def servo_of(base: Any) -> Servo:
     return Servo(model.acceleration_limit, model.flap_rate_limit, period, base.settings.actuator_lag)
 
 
-def fitted_agent(agent: str | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]]:
+def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]]:
     """The agent, and which of the environment's observations it reads.
 
     Raises
@@ -335,7 +337,7 @@ def averaged(infos: list[dict[str, Any]]) -> dict[str, Any]:
 
 def checked_scale(scale: float) -> float:
     """A positive finite scale."""
-    if not (isinstance(scale, (int, float)) and not isinstance(scale, bool) and 0.0 < scale < np.inf):
+    if not (is_number(scale) and scale > 0.0):
         raise ValueError(f"scale: expected a positive number, got {shown(scale)}")
     return float(scale)
 

@@ -44,8 +44,9 @@ def writable_folder(output: str | os.PathLike[str]) -> Path:
     return folder
 
 
-def write_report(comparison: Comparison, folder: Path) -> None:
+def write_report(comparison: Comparison, folder: str | os.PathLike[str]) -> None:
     """Write compare.json, .csv, .md and, where matplotlib is installed, .png."""
+    folder = Path(folder)
     document = json.dumps(as_json(comparison), indent=2, allow_nan=False) + "\n"
     write_atomically(folder / "compare.json", document.encode())
     write_atomically(folder / "compare.csv", as_csv(comparison).encode())

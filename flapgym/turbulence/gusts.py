@@ -7,6 +7,7 @@ start. An environment takes one as a mapping of plain values in SI units, `{"kin
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, Protocol
@@ -160,12 +161,13 @@ class Recorded:
         have been the value at that moment.
     """
 
-    file: str
+    file: str | os.PathLike[str]
     start: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.file, str):
-            raise ValueError(f"gust.file: expected the path of a CSV file as a text, got {shown(self.file)}")
+        if not isinstance(self.file, (str, os.PathLike)):
+            raise ValueError(f"gust.file: expected the path of a CSV file, got {shown(self.file)}")
+        object.__setattr__(self, "file", os.fspath(self.file))
         _check(self)
 
     def lasts(self) -> float:
@@ -260,7 +262,7 @@ def _check(gust: Any) -> None:
     """Refuse numbers that are none, or beyond what they can sensibly be."""
     for field in fields(gust):
         value = getattr(gust, field.name)
-        if field.type == "str" or (value is None and field.default is None):
+        if field.name not in LIMITS or (value is None and field.default is None):
             continue
         lowest, highest, unit = LIMITS[field.name]
         if not is_number(value):

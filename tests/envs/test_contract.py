@@ -246,6 +246,17 @@ def test_impossible_reset_options_are_refused_by_name(model_file, options, name)
         ("full_info", "yes"),
         ("record_samples", 2),
         ("render_mode", "ansi"),
+        ("render_mode", []),
+        ("render_mode", np.array(["human", "rgb_array"])),
+        ("kernel", np.array(["numba", "numpy"])),
+        ("precision", []),
+        ("observe", {"rbm", "flap_angle"}),
+        ("observe", {"rbm": 1}),
+        ("observe", b"rbm"),
+        ("stuck_flaps", {0.01, 0.02, None}),
+        ("flap_effectiveness", {0.1, 0.2, 0.3}),
+        ("turbulence_intensity", {0.1}),
+        ("realisation_pool", 10**12),
     ],
 )
 def test_impossible_keywords_are_refused_by_name(model_file, keyword, value):
@@ -259,13 +270,36 @@ def test_a_model_that_is_neither_name_nor_file_is_refused_by_name():
 
 
 def test_an_unknown_keyword_is_refused_by_name(model_file):
-    with pytest.raises(TypeError, match="turbulence_intensty"):
+    with pytest.raises(
+        TypeError, match="argument 'turbulence_intensty'; did you mean 'turbulence_intensity'"
+    ):
         _make(model_file, turbulence_intensty=0.1)
 
 
+@pytest.mark.parametrize("vector", [False, True])
+def test_an_unknown_keyword_is_refused_in_the_words_that_other_libraries_look_for(model_file, vector):
+    make = (
+        (lambda **more: gymnasium.make_vec(ID, num_envs=2, **more))
+        if vector
+        else (lambda **more: gymnasium.make(ID, **more))
+    )
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'"):
+        make(model=model_file, frameskip=4)
+
+    def native(model):
+        """The words of Python itself."""
+
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'"):
+        native(model=1, frameskip=4)
+
+
 def test_a_limit_of_steps_is_refused_with_what_to_give(model_file):
-    with pytest.raises(TypeError, match="max_episode_steps: expected duration in its place"):
+    with pytest.raises(
+        ValueError, match="max_episode_steps: expected 572, .* got 5; give duration in its place"
+    ):
         gymnasium.make_vec(ID, num_envs=2, model=model_file, max_episode_steps=5)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'max_episode_steps'; give duration"):
+        flapgym.envs.FlapEnv(model=model_file, max_episode_steps=5)
 
 
 @pytest.mark.parametrize(

@@ -327,9 +327,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         """A seed for every environment, None where none is given."""
         if seed is None:
             return [None] * self.num_envs
-        several = (
-            isinstance(seed, (Sequence, np.ndarray)) and np.ndim(seed) == 1 and not isinstance(seed, str)
-        )
+        listed = isinstance(seed, Sequence) and not isinstance(seed, (str, bytes))
+        several = listed or (isinstance(seed, np.ndarray) and seed.ndim == 1)
         try:
             if not several:
                 first = whole_seed(seed)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import gymnasium
 import numpy as np
 import pytest
@@ -153,13 +151,3 @@ def test_tensors_that_keep_gradients_are_refused_in_one_line_and_others_taken(mo
         env.reset(options={"azimuth": torch.tensor(1.0, requires_grad=True)})
     with pytest.raises(ValueError, match="^options.realisation_seed: expected one"):
         env.reset(options={"realisation_seed": [[1], [1, 2]]})
-
-
-def test_telling_the_time_costs_a_step_nothing(model_file):
-    env = gymnasium.make(ID, model=model_file, duration=1e4)
-    env.reset(seed=0)
-    assert "spec" not in vars(env)  # looked up when it is asked for, and in no step
-    begin = time.perf_counter()
-    for _ in range(100):
-        env.step(np.zeros(3, dtype=np.float32))
-    assert time.perf_counter() - begin < 1.0

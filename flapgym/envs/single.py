@@ -101,7 +101,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `truncated` after `duration`, rounded up to whole actions; `terminated` only if the state ceases to be finite. The
     number of actions stands in `env.spec.max_episode_steps`, for wrappers that tell the time. An environment made again
-    from a specification, `gymnasium.make(env.spec)`, ends there whatever `duration` it is given.
+    from a specification, `gymnasium.make(env.spec)`, has Gymnasium's own counter around it: it ends there whatever
+    `duration` it is given, and planners that set states take `env.unwrapped`.
 
     ## Information
 

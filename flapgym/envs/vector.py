@@ -73,10 +73,10 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         render_mode: str | None = None,
         **keywords: Any,
     ) -> None:
-        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)):
-            raise ValueError(f"num_envs: expected a whole number, got {shown(num_envs)}")
-        num_envs = int(num_envs)  # NumPy's own may be of eight bits, and overflow when counted with
-        if not 1 <= num_envs <= MOST_TURBINES:
+        whole = isinstance(num_envs, (int, np.integer)) and not isinstance(num_envs, bool)
+        # NumPy's own may be of eight bits, and overflow when counted with.
+        num_envs = int(num_envs) if whole else num_envs
+        if not whole or not 1 <= num_envs <= MOST_TURBINES:
             raise ValueError(
                 f"num_envs: expected a whole number from 1 to {MOST_TURBINES}, got {shown(num_envs)}"
             )

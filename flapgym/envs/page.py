@@ -35,6 +35,28 @@ WRAPPERS = (
     "flapgym.envs.sb3.FlapVecEnv",
 )
 """What the index lists beside the environments."""
+CONVENTIONS = """\
+## Where things are, and signs
+
+The azimuth is zero when blade 1 points straight up, and grows as the rotor turns: clockwise for one who stands upwind
+and looks downwind. Blades 2 and 3 are 120 and 240 deg ahead of blade 1: they pass the top in the order 1, 3, 2.
+`azimuth` in `info` is that of blade 1 in radians, 0 to 2 pi; the observation of that name is its cosine and sine.
+
+![The rotor from upwind, the turbine from its side, and a section of blade 1](figures/conventions.png)
+
+| quantity | positive | zero |
+|---|---|---|
+| wind | along the shaft, downwind | mean wind |
+| action, flap acceleration, rate, angle | trailing edge to the upwind, pressure side: more lift | in line with the chord |
+| root bending moment `rbm` | bends the blade downwind: more lift | steady, in the mean wind with flaps at rest |
+| tip deflection | downwind | steady |
+| tower top, first entry (fore-aft) | downwind | steady |
+| tower top, second entry (sideways) | to the left of one who looks downwind | steady |
+
+More wind and a positive flap angle on all blades raise moment, tip deflection and fore-aft displacement, and push the
+tower top to the right, by the torque on the shaft: its second entry falls. The tower top is told in the fixed frame,
+moments and tip deflections in that of their blade, across the rotor's plane. Gravity is left out, so no load comes once
+a revolution by itself.""".splitlines()
 
 
 def pages(folder: Path) -> dict[str, str]:
@@ -73,7 +95,9 @@ def index_page() -> str:
             "|---|---|",
             *environments,
             "",
-            "Around them fit:",
+            *CONVENTIONS,
+            "",
+            "## Around them fit",
             "",
             "| class | what it does |",
             "|---|---|",

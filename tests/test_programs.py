@@ -29,9 +29,12 @@ PROGRAMS = {
     "benchmarks.reduction": [],
     "benchmarks.turbine": ["full"],
     "benchmarks.variants": ["docs"],
+    "benchmarks.conventions": ["docs"],
     "flapgym.envs.page": ["docs"],
 }
 """Programs, and arguments that give them work for a while."""
+QUICK = {"benchmarks.conventions", "flapgym.envs.page"}
+"""Those that are done before one could interrupt them."""
 MINUTES = 120.0
 
 
@@ -63,7 +66,7 @@ def _main(name):
     "name, seconds",
     [
         *((name, 0.6) for name in ("flapgym", "baselines.tune", "train.policies", "benchmarks.environment")),
-        *((name, 4.0) for name in PROGRAMS if name != "flapgym.envs.page"),
+        *((name, 4.0) for name in PROGRAMS if name not in QUICK),
         ("benchmarks.environment", 9.0),  # within the library that takes the times
     ],
 )

@@ -47,7 +47,7 @@ and looks downwind. Blades 2 and 3 are 120 and 240 deg ahead of blade 1: they pa
 | quantity | positive | zero |
 |---|---|---|
 | wind | along the shaft, downwind | mean wind |
-| action, flap acceleration, rate, angle | trailing edge to the upwind, pressure side: more lift | in line with the chord |
+| action, flap acceleration, rate, angle | trailing edge to the upwind, pressure side: more lift | along the chord |
 | root bending moment `rbm` | bends the blade downwind: more lift | steady, in the mean wind with flaps at rest |
 | tip deflection | downwind | steady |
 | tower top, first entry (fore-aft) | downwind | steady |

@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help compare paper train test lint bench clean
+.PHONY: help compare paper validate train test lint bench clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -20,6 +20,9 @@ compare: .venv/with-baselines  ## score every shipped agent: table, results/comp
 
 paper: .venv/with-baselines  ## the paper's Section IV beside ours: results/paper.{md,html} (ARGS: parts, --quick)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m baselines.paper $(ARGS)
+
+validate: .venv/with-baselines  ## the model beside OpenFAST: table, results/validation.{json,md,png} (ARGS: --model, --docs)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m benchmarks.validation $(ARGS)
 
 train: .venv/with-train  ## train the PPO and SAC policies (ARGS: configurations)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m train.policies $(ARGS)

@@ -21,7 +21,7 @@ from baselines.tuning import (
     tune_pid,
     tune_saturating,
 )
-from flapgym.aeroelastic.model import load_model
+from flapgym.aeroelastic.model import DEFAULT_MODEL, load_model
 from flapgym.control import save_agent
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import PAPER_LENGTH
@@ -120,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="python -m baselines.tune", description=__doc__.split(":")[0] + ".")
     parser.set_defaults(door=_door, program="baselines.tune", kept="agents that were finished are saved")
     parser.add_argument("controllers", nargs="*", default=list(CONTROLLERS), help="which (default: all)")
-    parser.add_argument("--model", default="nrel5mw-rated", help="a model's name or file")
+    parser.add_argument("--model", default=DEFAULT_MODEL, help="a model's name or file")
     parser.add_argument(
         "--config", type=Path, default=CONFIG, help="the tuning file (default: configs/tuning.toml)"
     )

@@ -23,12 +23,13 @@ from flapgym.aerodynamics import (
     convected_gust_downwash,
     gust_downwash,
     mean_loads,
+    rigid_rotor,
     root_moment_load,
     transfer_function,
 )
+from flapgym.aerodynamics.downwash import flap_downwash
 from flapgym.aerodynamics.lattice import build_lattice
 from flapgym.aerodynamics.model import assemble
-from flapgym.aerodynamics.report import root_moment_inputs, steady_gains
 from flapgym.aerodynamics.rotor import blade_edges, rotor_inflow, strip_radius, wake_rows
 from flapgym.evaluation import writable_folder
 from flapgym.program import Parser, Work, run
@@ -57,7 +58,7 @@ def variant(case: Case, **grid: Any) -> Case:
 def lattice_with(case: Case, strips: int, chordwise: int, time_step: float) -> Aerodynamics:
     """The case's rotor on other strips, panels and time step."""
     case = variant(case, time_step=time_step)
-    ends, inflow = strip_radius(case), rotor_inflow(case)
+    ends, inflow = strip_radius(case), rotor_inflow(case, case.discretisation.induction)
     edges = blade_edges(case, np.linspace(ends[0], ends[-1], strips + 1))
     lattice = build_lattice(*edges, chordwise, inflow, time_step)
     density = case.operating_point.air_density
@@ -65,10 +66,16 @@ def lattice_with(case: Case, strips: int, chordwise: int, time_step: float) -> A
     return assemble(lattice, inflow, time_step=time_step, wake_rows=rows, air_density=density, blades=3)
 
 
+def steady_gains(case: Case, blades: int = 3) -> Array:
+    """Steady root moment [N m] per m/s of gust and per radian of all flaps, (2,), of the rotor or a blade alone."""
+    rotor = rigid_rotor(case, blades)
+    return rotor.steady(root_moment_load(rotor.aero, case))[0]
+
+
 def responses(case: Case, aero: Aerodynamics) -> NDArray[np.complex128]:
     """Root moment per m/s of gust and per degree of flap at FREQUENCIES, shape (nf, 2) [MN m]."""
     z = np.exp(2j * np.pi * FREQUENCIES * aero.time_step)
-    inputs = root_moment_inputs(case, aero) * [1.0, DEGREE]
+    inputs = np.column_stack([gust_downwash(aero).sum(axis=1), DEGREE * flap_downwash(aero, case.flap)[0]])
     return transfer_function(aero, 0, z, inputs, root_moment_load(aero, case))[:, 0] / 1e6
 
 
@@ -115,8 +122,8 @@ def wake_table(case: Case) -> None:
     ]:
         other = variant(case, wake_length=length, induction=induction)
         rotor = build_aerodynamics(other)
-        gust, flap = steady_gains(other, rotor)
-        alone = steady_gains(other, build_aerodynamics(other, blades=1))[0]
+        gust, flap = steady_gains(other)
+        alone = steady_gains(other, blades=1)[0]
         mean = mean_loads(other, rotor)
         point = replace(case.operating_point, tip_speed_ratio=PUBLISHED_TIP_SPEED_RATIO)
         faster = replace(other, operating_point=point)
@@ -198,7 +205,7 @@ def _door(options: argparse.Namespace) -> Work:
     folder = writable_folder(options.output)
 
     def work() -> int:
-        case = load_case()
+        case = load_case("nrel5mw-rated")
         start = time.perf_counter()
         aero = build_aerodynamics(case)
         print(f"influence of the whole rotor: {time.perf_counter() - start:.2f} s")

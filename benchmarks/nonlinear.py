@@ -71,7 +71,7 @@ class LinearMarch:
 
 def nonlinear_march() -> NonlinearMarch:
     """The non-linear turbine of the shipped model's case."""
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     parts, rotor = assemble_parts(case)
     collective, whirl = (
         reduce_component(rotor, parts.lattice, component, case.reduction.aerodynamic_states)
@@ -218,7 +218,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _door(options: argparse.Namespace) -> Work:
-    model, folder = load_model(), writable_folder(options.output)
+    model, folder = load_model("nrel5mw-rated"), writable_folder(options.output)
 
     def work() -> int:
         print("| scenario | measure | linear | non-linear | difference [%] | rms of difference [%] |")

@@ -98,7 +98,7 @@ def _door(options: argparse.Namespace) -> Work:
     folder = writable_folder(options.output)
 
     def work() -> int:
-        case = load_case()
+        case = load_case("nrel5mw-rated")
         balance = trim(case)
         _, shape = normal_modes(balance.blade.mass, balance.blade.stiffness, case.reduction.blade_modes)
         lattice = blade_lattice(case, balance.rotor, balance.blade, shape)

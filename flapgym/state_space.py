@@ -87,12 +87,9 @@ class StateSpace:
 
         The Schur form is computed once, so a further frequency costs O(n^2).
         """
-        triangle, basis = scipy.linalg.schur(self.A, output="complex")
-        b, c = basis.conj().T @ self.B, self.C @ basis
-        eye = np.eye(self.order)
+        transfer = TransferFunction(self.A, self.B, self.C, self.D)
         z = np.exp(2j * np.pi * np.atleast_1d(np.asarray(frequency, dtype=float)) * self.time_step)
-        states = [scipy.linalg.solve_triangular(value * eye - triangle, b) for value in z]
-        return np.stack([c @ state + self.D for state in states])
+        return np.stack([transfer(value) for value in z])
 
     def dc_gain(self) -> Array:
         """Steady output per unit constant input, shape (ny, nu)."""
@@ -141,6 +138,25 @@ class StateSpace:
             states[n] = x
             x = self.A @ x + drive[n]
         return np.asarray(states @ self.C.T + u @ self.D.T)
+
+
+class TransferFunction:
+    """C (z - A)^-1 B + D, called with one z after another.
+
+    The Schur form is computed once, so that each costs O(n^2).
+    """
+
+    def __init__(self, a: Array, b: Array, c: Array, d: Array) -> None:
+        triangle, basis = scipy.linalg.schur(a, output="complex")
+        self.poles = np.diag(triangle).copy()
+        self._shifted = np.asfortranarray(-triangle)
+        self._b, self._c, self._d = basis.conj().T @ b, c @ basis, d
+
+    def __call__(self, z: complex) -> NDArray[np.complex128]:
+        """Response (ny, nu)."""
+        np.fill_diagonal(self._shifted, z - self.poles)
+        state = scipy.linalg.solve_triangular(self._shifted, self._b, check_finite=False)
+        return np.asarray(self._c @ state + self._d)
 
 
 def delayed(system: StateSpace) -> StateSpace:

@@ -9,10 +9,8 @@ import numpy as np
 from baselines.paper.cache import Cache
 from baselines.paper.document import Section, Table
 from baselines.paper.drawing import drawn, kept
-from benchmarks.aerodynamics import figure8, variant
+from benchmarks.aerodynamics import figure8, steady_gains, variant
 from benchmarks.reduction import TOTALS, figure12
-from flapgym.aerodynamics import build_aerodynamics
-from flapgym.aerodynamics.report import steady_gains
 from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
 from flapgym.state_space import Array
@@ -34,7 +32,7 @@ def figure_8(case: Case, folder: Path, cache: Cache) -> Section:
         loss = []
         for length, induction in WAKES:
             other = variant(case, wake_length=length, induction=induction)
-            rotor, alone = (steady_gains(other, build_aerodynamics(other, blades=n))[0] for n in (3, 1))
+            rotor, alone = (steady_gains(other, blades)[0] for blades in (3, 1))
             loss.append(100.0 * (rotor / alone - 1.0))
         return {"loss": np.array(loss), "drawing": drawn(lambda path: figure8(case, path))}
 

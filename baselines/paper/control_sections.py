@@ -236,9 +236,10 @@ def robustness(
             *_growing(changes, others),
             *(turns if growths else ()),
             "Margins of the full closed loop. The disk margin is at the three measured moments together, and so covers "
-            "blades whose errors differ; gain and phase are what it guarantees. That of a periodic loop is from its "
-            "lifted form: the gain over all signals, harmonics of the rotor's speed included, and it guarantees the "
-            "same. The other columns are exact (of periodic loops by growth over turns): the factor on the flap's "
+            "blades whose errors differ, for which it is a lower bound; gain and phase are what it guarantees. That of "
+            "a periodic loop is from its lifted form: the gain over all signals, harmonics of the rotor's speed "
+            "included, and it guarantees the same. The other columns are exact (of periodic loops by growth over "
+            "turns): the factor on the flap's "
             "effect, and the delay of the measurement, at which the loop stays stable, with the frequency of what "
             "grows beyond; no bound up to eight times the effect, or up to a delay of 420 ms, is called none.",
             margins_table(margins),

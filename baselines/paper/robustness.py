@@ -11,11 +11,11 @@ from baselines.paper.cache import Cache, fingerprint
 from baselines.paper.scores import mark
 from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.control import closed_loop, growth_per_turn, stability, stationary_rms
+from flapgym.control import closed_loop, growth_per_turn, peak_gain, periodic, stability, stationary_rms
 from flapgym.control.channels import ROTOR
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS, with_effectiveness
-from flapgym.control.margins import FREQUENCIES, delay_margin, disk_margin, late_measurement
-from flapgym.control.periodic import HARMONICS, LAST, RESOLUTION, periodic_disk_margin
+from flapgym.control.growth import growth
+from flapgym.control.margins import delay_margin, disk_margin, late_measurement
 from flapgym.state_space import Array, StateSpace
 
 EFFECTIVENESS = (0.7, 1.0, 1.3)
@@ -104,33 +104,37 @@ def margins(name: str, system: StateSpace, model: TurbineModel, cache: Cache) ->
     A controller in the blades' own frames, ROTOR's, has a periodic loop: lifted for the disk margin, and for the other
     two followed over turns, which does not tell the frequency.
     """
-    periodic = system.inputs == ROTOR.inputs
+    turns = system.inputs == ROTOR.inputs
 
     def make() -> dict[str, Array]:
-        disk = periodic_disk_margin(model, system) if periodic else disk_margin(model, system)
-        effect, delay = _periodic_limits(model, system) if periodic else _limits(model, system)
+        disk = periodic.periodic_disk_margin(model, system) if turns else disk_margin(model, system)
+        effect, delay = _periodic_limits(model, system) if turns else _limits(model, system)
         found = [disk.alpha, disk.frequency, disk.gain[1], np.rad2deg(disk.phase)]
         return {"margins": np.array([*found, *effect, *delay])}
 
     inputs = {
         "controller": fingerprint(system.A, system.B, system.C, system.D),
         "longest": LONGEST,
-        "frequencies": fingerprint(FREQUENCIES),
-        "periodic": [HARMONICS, RESOLUTION, LAST],
+        "tolerance": peak_gain.TOLERANCE,
+        "periodic": [periodic.HARMONICS, periodic.RESOLUTION, periodic.TOLERANCE],
     }
     return cache.arrays(f"margins-{name}", inputs, make)["margins"]
 
 
 def _limits(model: TurbineModel, system: StateSpace) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Factor on the flap's effect and delay [ms] borne, each with the frequency of what grows beyond it [Hz]."""
+    """Factor on the flap's effect and delay [ms] borne, each with the frequency of what grows beyond it [Hz].
+
+    Of a loop that is unstable as it is both are 0, and the frequency is that of what grows in it.
+    """
     effect = stability(model, system).effectiveness_margin
     delay = delay_margin(model, system, LONGEST)
     late = late_measurement(system, delay + 1, model.rotor_speed)
+    unstable = growth(closed_loop(model, system))
     beyond = (
-        growth(closed_loop(model, system, 1.02 * effect)),
-        None if delay == LONGEST else growth(closed_loop(model, late)),
+        unstable or growth(closed_loop(model, system, 1.02 * effect)),
+        unstable or (None if delay == LONGEST else growth(closed_loop(model, late))),
     )
-    first, second = (np.nan if one is None else one[0] for one in beyond)
+    first, second = (np.nan if one is None else one.frequency for one in beyond)
     return (_bounded(effect), first), (_late(model, delay), second)
 
 
@@ -138,6 +142,8 @@ def _periodic_limits(
     model: TurbineModel, system: StateSpace
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """The same of a periodic loop, the factor to a hundredth."""
+    if growth_per_turn(model, system) >= 1.0:
+        return (0.0, np.nan), (0.0, np.nan)
     low, high = 1.0, 1.25
     while high < LARGEST_EFFECTIVENESS and growth_per_turn(_with_effect(model, high), system) < 1.0:
         low, high = high, 1.25 * high
@@ -167,21 +173,11 @@ def _with_effect(model: TurbineModel, factor: float) -> TurbineModel:
     return replace(model, turbine=with_effectiveness(model.turbine, factor))
 
 
-def growth(loop: StateSpace) -> tuple[float, float] | None:
-    """Frequency [Hz] and doubling time [s] of the fastest growing mode; None if all decay."""
-    values = np.linalg.eigvals(loop.A)
-    fastest = values[np.abs(values).argmax()]
-    if abs(fastest) < 1.0:
-        return None
-    rate = np.log(fastest + 0j) / loop.time_step
-    return abs(rate.imag) / (2.0 * np.pi), float(np.log(2.0) / rate.real) if rate.real > 0.0 else np.inf
-
-
 def _change(model: TurbineModel, agent: LinearController, delay: int, **case: float) -> list[float]:
     system = late_measurement(agent.system, delay, model.rotor_speed)
     grows = growth(closed_loop(model, system, case.get("effectiveness", 1.0)))
     if grows is not None:
-        return [np.nan, np.nan, np.nan, *grows]
+        return [np.nan, np.nan, np.nan, grows.frequency, grows.doubling_time]
     reference = stationary_rms(model, length_scale=case.get("length_scale"))
     ours = stationary_rms(model, system, **case)  # type: ignore[arg-type]
     return [

@@ -11,12 +11,13 @@ import numpy as np
 from baselines.paper.cache import Cache
 from baselines.paper.document import Section, Table
 from baselines.paper.models import VARIATIONS, built
-from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES, growth
+from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES
 from baselines.paper.scores import Trial, measured, metrics_of, named
 from baselines.tuning import LinearController
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop, closed_loop
 from flapgym.control.closed_loop import with_effectiveness
+from flapgym.control.growth import Growth, growth
 from flapgym.control.margins import late_measurement
 from flapgym.evaluation import Estimate, Metrics, measure, paired_change
 from flapgym.turbine import Case
@@ -50,14 +51,13 @@ class Condition:
 class Outcome:
     """An agent under a condition: changes against open loop there, travel [rad/s], and what grows in its linear loop.
 
-    `grows` is the frequency [Hz] and doubling time [s] of that mode, the stops left out; None where all decays or the
-    agent is not linear.
+    What grows is told with the stops left out; None where all decays or the agent is not linear.
     """
 
     rbm_rms: Estimate
     rbm_del: Estimate
     flap_travel: float
-    grows: tuple[float, float] | None
+    grows: Growth | None
 
 
 def conditions(model: TurbineModel, case: Case, tell: Callable[[str], None]) -> Iterator[Condition]:
@@ -120,7 +120,7 @@ def trials_section(found: Mapping[str, Mapping[str, Outcome]], trial: Trial) -> 
         loads.append((label, *(_cell(row[name]) for name in agents)))
         travel.append((label, *(f"{np.rad2deg(row[name].flap_travel):.2f}" for name in agents)))
     unstable = tuple(
-        (label, name, f"{one.grows[0]:.2f}", f"{one.grows[1]:.0f}")
+        (label, name, f"{one.grows.frequency:.2f}", f"{one.grows.doubling_time:.0f}")
         for label, row in found.items()
         for name, one in row.items()
         if one.grows is not None

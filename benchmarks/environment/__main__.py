@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.environment import agreement, endurance, kernels, limits, peers, report, startup
+from benchmarks.page import fill
 from flapgym.aeroelastic import load_model
 from flapgym.atomic import check_target, write_atomically
 from flapgym.program import Parser, Work, real, run, whole
@@ -111,16 +112,6 @@ def measure(parts: Sequence[str], seconds: float, rounds: int, tell: Callable[[s
         found["startup"] = startup.startup(3)
         tables["startup"] = report.startup_table(found["startup"])
     return found
-
-
-def fill(page: str, tables: dict[str, str]) -> str:
-    """The page with what stands between `<!-- name -->` and `<!-- end -->` replaced by the table of that name."""
-    for name, text in tables.items():
-        begin, end = f"<!-- {name} -->\n", "<!-- end -->"
-        before, mark, rest = page.partition(begin)
-        if mark:
-            page = before + begin + text + "\n" + end + rest.partition(end)[2]
-    return page
 
 
 def machine() -> dict[str, Any]:

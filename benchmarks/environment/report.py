@@ -8,12 +8,7 @@ from typing import Any
 from benchmarks.environment.endurance import Endurance
 from benchmarks.environment.kernels import Form
 from benchmarks.environment.peers import FLAPGYM, JAX_PENDULUM, PENDULUM, Subject
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown; the first column is text, the others numbers."""
-    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+from benchmarks.page import table
 
 
 def peers_table(rates: Mapping[Subject, float]) -> str:

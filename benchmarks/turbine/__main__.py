@@ -55,7 +55,7 @@ def _door(options: argparse.Namespace) -> Work:
     folder = writable_folder(options.output)
 
     def work() -> int:
-        study = Study(load_case())
+        study = Study(load_case("nrel5mw-rated"))
         programs = FIGURES | {"full": against_full, "campbell": campbell}
         with tqdm.tqdm(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
             begun = False

@@ -72,7 +72,7 @@ def with_modes(parts: Parts, rotor: Aerodynamics, blade_modes: int, tower_modes:
     kept = replace(parts.case.reduction, blade_modes=blade_modes, tower_modes=tower_modes)
     case = replace(parts.case, reduction=kept)
     frequency, shape = normal_modes(parts.blade.mass, parts.blade.stiffness, blade_modes)
-    lattice = blade_lattice(case, rotor, parts.blade, shape)
+    lattice = blade_lattice(case, rotor, parts.blade, shape, parts.flow)
     return replace(parts, case=case, frequency=frequency, shape=shape, lattice=lattice)
 
 

@@ -64,6 +64,15 @@ def ring_influence(point: Array, normal: Array, node: Array) -> Array:
     return influence
 
 
+def velocity_influence(point: Array, node: Array) -> Array:
+    """Velocity at points (m, 3) per unit circulation of every ring of a grid, shape (m, 3, a, b) [1/m]."""
+    m, (a, b) = point.shape[0], (node.shape[0] - 1, node.shape[1] - 1)
+    influence = np.empty((m, 3, a, b))
+    for block in _blocks(m, node):
+        influence[block] = ring_velocity(point[block], node).transpose(0, 3, 1, 2)
+    return influence
+
+
 def induced_velocity(point: Array, node: Array, circulation: Array) -> Array:
     """Velocity (m, 3) [m/s] at points (m, 3) of a grid of rings with circulations (a, b) [m^2/s]."""
     velocity = np.empty_like(point)

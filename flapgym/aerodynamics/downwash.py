@@ -96,11 +96,11 @@ def gust_downwash(aero: Aerodynamics) -> Array:
     return np.asarray(np.tile(np.eye(strips), (aero.lattice.chordwise, 1)) * aero.normal[:, :1])
 
 
-def convected_gust_downwash(aero: Aerodynamics, z: ArrayLike) -> NDArray[np.complex128]:
-    """The same when the gust travels along the chord with the relative wind, shape (nz, n, strips).
+def gust_arrival(aero: Aerodynamics, z: ArrayLike) -> NDArray[np.complex128]:
+    """What a gust that travels along the chord with the relative wind is at each collocation point, (nz, n).
 
-    The input is the gust at the strip's leading edge; later panels feel it after the time the air needs to reach
-    them, interpolated linearly between steps so that it stays causal.
+    Over the gust at the strip's leading edge: later panels feel it after the time the air needs to reach them,
+    interpolated linearly between steps so that it stays causal.
     """
     lattice = aero.lattice
     length = np.linalg.norm(lattice.chord_vector, axis=1)
@@ -113,5 +113,9 @@ def convected_gust_downwash(aero: Aerodynamics, z: ArrayLike) -> NDArray[np.comp
     delay = (station / tangential / aero.time_step).ravel()
     whole = np.floor(delay)
     z = np.atleast_1d(np.asarray(z, dtype=complex))[:, None]
-    arrival = z**-whole * (1.0 - (delay - whole) * (1.0 - 1.0 / z))
-    return arrival[:, :, None] * gust_downwash(aero)
+    return np.asarray(z**-whole * (1.0 - (delay - whole) * (1.0 - 1.0 / z)))
+
+
+def convected_gust_downwash(aero: Aerodynamics, z: ArrayLike) -> NDArray[np.complex128]:
+    """The downwash of such a gust, one column a strip, shape (nz, n, strips), m/s per m/s."""
+    return gust_arrival(aero, z)[:, :, None] * gust_downwash(aero)

@@ -125,13 +125,17 @@ def build_lattice(
     )
 
 
-def wake_nodes(lattice: Lattice, inflow: Inflow, time_step: float, rows: int) -> Array:
-    """Corners of the wake rings shed by the trailing edge, shape (rows + 1, strips + 1, 3) [m].
+def wake_ages(time_step: float, rows: int) -> Array:
+    """Ages (rows + 1,) [s] of the edges of wake rows that move by exactly one row a time step.
 
     Row k lies between ages (k - 0.75) and (k + 0.25) time steps and carries the circulation that the last bound row
-    had k steps ago: the wake moves by exactly one row a step.
+    had k steps ago.
     """
     if rows < 1:
         raise ValueError(f"wake rows: expected at least 1, got {rows}")
-    ages = (np.arange(rows + 1) + SHED_AGE) * time_step
+    return np.asarray((np.arange(rows + 1) + SHED_AGE) * time_step)
+
+
+def wake_nodes(lattice: Lattice, inflow: Inflow, ages: Array) -> Array:
+    """Corners of the wake rings that the trailing edge shed at ages (rows + 1,) [s], (rows + 1, strips + 1, 3) [m]."""
     return np.stack([inflow.convect(lattice.trailing_edge, age) for age in ages])

@@ -36,6 +36,25 @@ class BoundSegments:
         return density * np.cross(velocity, self.vector)[:, :, None] * self.net[:, None]
 
 
+@dataclass(frozen=True, eq=False)
+class FullLoads:
+    """What the mean circulation adds to the linear terms of ny loads, see `flapgym.aerodynamics.linearisation`.
+
+    Attributes
+    ----------
+    circulation : (ny, n) float
+        Loads per perturbed circulation, in the velocity that the mean ones induce [load / (m^2/s)].
+    induced : (ny, 3 n) float
+        Loads per velocity induced on the leading segments [load / (m/s)], components of one segment adjacent.
+    direct : (ny, nu) float
+        Loads per unit input.
+    """
+
+    circulation: Array
+    induced: Array
+    direct: Array
+
+
 def leading_segments(lattice: Lattice) -> BoundSegments:
     """The spanwise segments at the front of the rings, root to tip, in the rings' order."""
     nc, ns = lattice.chordwise, lattice.strips

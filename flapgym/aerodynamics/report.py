@@ -3,39 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flapgym.aerodynamics.downwash import flap_downwash, glauert_scale, gust_downwash
-from flapgym.aerodynamics.model import Aerodynamics
-from flapgym.aerodynamics.response import steady_circulation, transfer_function
-from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load
-from flapgym.aerodynamics.steady import mean_loads
+from flapgym.aerodynamics.downwash import glauert_scale
+from flapgym.aerodynamics.rigid import rigid_rotor
+from flapgym.aerodynamics.rotor import root_moment_load
 from flapgym.turbine import Case
 from flapgym.wording import number
-
-Array = NDArray[np.float64]
 
 FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0)  # Hz; nothing above 3 Hz is independent of the discretisation
 
 
-def root_moment_inputs(case: Case, aero: Aerodynamics) -> Array:
-    """Downwash (n, 2) per m/s of homogeneous gust and per radian of flap."""
-    return np.column_stack([gust_downwash(aero).sum(axis=1), flap_downwash(aero, case.flap)[0]])
-
-
-def steady_gains(case: Case, aero: Aerodynamics) -> Array:
-    """Steady flapwise root moment [N m] per m/s of homogeneous gust and per radian of all flaps, shape (2,)."""
-    circulation = steady_circulation(aero, root_moment_inputs(case, aero))
-    return np.asarray((root_moment_load(aero, case) @ aero.force.sum(axis=0) @ circulation)[0])
-
-
 def describe_aerodynamics(case: Case) -> str:
     """Mean loads and gains of a case's rigid, undeflected rotor and of one of its blades alone."""
-    rotor, single = build_aerodynamics(case), build_aerodynamics(case, blades=1)
-    lattice, grid, mean = rotor.lattice, case.discretisation, mean_loads(case, rotor)
+    whole, alone = rigid_rotor(case), rigid_rotor(case, blades=1)
+    rotor, mean = whole.aero, whole.loads
+    lattice, grid, load = rotor.lattice, case.discretisation, root_moment_load(rotor, case)
     degree = np.pi / 180.0
-    gust, flap = steady_gains(case, rotor)
-    alone_gust, alone_flap = steady_gains(case, single)
+    gust, flap = whole.steady(load)[0]
+    alone_gust, alone_flap = alone.steady(load)[0]
     glauert = glauert_scale(lattice.chordwise, case.flap.chord_fraction)
     circulations = rotor.blades * (lattice.normal.shape[0] + lattice.strips * rotor.wake_rows)
     point = case.operating_point
@@ -46,7 +31,7 @@ def describe_aerodynamics(case: Case) -> str:
         f"{number(rotor.time_step)} s",
         f"wake             {rotor.wake_rows} rows, {number(grid.wake_length)} diameters, "
         f"induction {number(grid.induction)}; {circulations} circulations in all",
-        "mean loads       rigid blades, no profile drag, undeflected:",
+        f"mean loads       rigid, undeflected blades, {_profile(case)}, {_mean_wake(case)}:",
         f"  thrust         {mean.thrust / 1e3:8.1f} kN      coefficient {mean.thrust_coefficient:.3f}",
         f"  torque         {mean.torque / 1e3:8.1f} kN m    by leading-edge suction "
         f"{mean.torque_by_suction / 1e3:.1f} kN m",
@@ -62,9 +47,17 @@ def describe_aerodynamics(case: Case) -> str:
         "flapwise root moment by frequency [MN m]    collective: gust, flap     whirl: gust, flap",
     ]
     z = np.exp(2j * np.pi * np.array(FREQUENCIES) * rotor.time_step)
-    inputs, load = root_moment_inputs(case, rotor) * [1.0, degree], root_moment_load(rotor, case)
-    response = [np.abs(transfer_function(rotor, m, z, inputs, load)[:, 0]) / 1e6 for m in (0, 1)]
+    response = [np.abs(whole.response(m, z, load)[:, 0] * [1.0, degree]) / 1e6 for m in (0, 1)]
     for frequency, collective, whirl in zip(FREQUENCIES, *response, strict=True):
         pairs = "       ".join(f"{gain[0]:8.4f} {gain[1]:8.4f}" for gain in (collective, whirl))
         lines.append(f"  {frequency:4.1f} Hz                                    {pairs}")
     return "\n".join(lines)
+
+
+def _profile(case: Case) -> str:
+    return "no profile drag" if case.airloads.profile == "none" else "with profile drag"
+
+
+def _mean_wake(case: Case) -> str:
+    length = case.airloads.mean_wake
+    return "in the same wake" if length == "perturbations" else f"in a wake of {length:g} diameters"

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aerodynamics.lattice import Inflow, build_lattice
+from flapgym.aerodynamics.lattice import Inflow, Lattice, build_lattice
 from flapgym.aerodynamics.model import Aerodynamics, WakeEnd, assemble
 from flapgym.turbine import Case
 
 Array = NDArray[np.float64]
 
-# The blade's beam axis runs through the aerofoils' quarter chords.
-PITCH_AXIS = 0.25
+MEAN_WAKE_TURN = np.deg2rad(5.0)
+"""Turn of the rotor in which a mean wake of its own grows by a row [rad]; half of it moves the thrust by less than a
+thousandth."""
 
 
 def strip_radius(case: Case) -> Array:
@@ -21,15 +22,40 @@ def strip_radius(case: Case) -> Array:
     return case.turbine.blade_sections(grid.blade_elements).radius[grid.first_lattice_node :]
 
 
-def rotor_inflow(case: Case) -> Inflow:
+def mid_radius(case: Case) -> Array:
+    """Radii of the strips' middles along the blade axis [m]."""
+    edge = strip_radius(case)
+    return np.asarray(0.5 * (edge[1:] + edge[:-1]))
+
+
+def elastic_axis(case: Case, radius: Array) -> Array:
+    """Where the beam's axis crosses the chords at radii [m], from the leading edge over the chord."""
+    chosen, published = case.airloads.elastic_axis, case.turbine.pitch_axis
+    if chosen == "published":
+        return np.asarray(np.interp(radius, published.radius, published.chord_fraction))
+    return np.full_like(radius, float(chosen))
+
+
+def zero_lift_angles(case: Case) -> Array:
+    """Angles of attack (strips,) [rad] at which the strips' sections have no lift."""
+    planform = case.turbine.planform
+    angle = [case.turbine.airfoil(name).zero_lift_angle_attached for name in planform.airfoil]
+    return np.interp(mid_radius(case), planform.radius, angle)
+
+
+def lift_slopes(case: Case) -> Array | None:
+    """Lift slopes (strips,) [1/rad] of the perturbations; None for the flat plate's, which is the lattice's own."""
+    if case.airloads.lift_slope == "thin aerofoil":
+        return None
+    planform = case.turbine.planform
+    slope = [case.turbine.airfoil(name).normal_force_slope for name in planform.airfoil]
+    return np.interp(mid_radius(case), planform.radius, slope)
+
+
+def rotor_inflow(case: Case, induction: float) -> Inflow:
     """Mean wind along the shaft on the turning rotor; the wake moves with the wind less the axial induction."""
-    point = case.operating_point
-    wind = np.array([point.wind_speed, 0.0, 0.0])
-    return Inflow(
-        velocity=wind,
-        rotor_speed=case.rotor_speed,
-        wake_velocity=(1.0 - case.discretisation.induction) * wind,
-    )
+    wind = np.array([case.operating_point.wind_speed, 0.0, 0.0])
+    return Inflow(velocity=wind, rotor_speed=case.rotor_speed, wake_velocity=(1.0 - induction) * wind)
 
 
 def wake_rows(case: Case) -> int:
@@ -71,7 +97,14 @@ def blade_edges(
     vector = chord[:, None] * chord_direction(angle, precone)
     if turned is not None:
         vector = np.einsum("sij,sj->si", turned, vector)
-    return axis_point - PITCH_AXIS * vector, axis_point + (1.0 - PITCH_AXIS) * vector
+    ahead = elastic_axis(case, radius)[:, None]
+    return axis_point - ahead * vector, axis_point + (1.0 - ahead) * vector
+
+
+def blade_rings(case: Case, inflow: Inflow, positions: Array | None, turned: Array | None) -> Lattice:
+    """Rings of a case's blade 1, the beam's axis and the sections' turn given as for `build_aerodynamics`."""
+    edges = blade_edges(case, strip_radius(case), positions, turned)
+    return build_lattice(*edges, case.discretisation.chordwise_panels, inflow, case.discretisation.time_step)
 
 
 def build_aerodynamics(
@@ -96,17 +129,58 @@ def build_aerodynamics(
     wake_end : "closed" or "open"
         Whether the wake ends with its last ring's rear vortex, see `assemble`.
     """
-    inflow, grid = rotor_inflow(case), case.discretisation
-    edges = blade_edges(case, strip_radius(case), positions, turned)
-    lattice = build_lattice(*edges, grid.chordwise_panels, inflow, grid.time_step)
+    inflow = rotor_inflow(case, case.discretisation.induction)
+    return _assembled(
+        case, inflow, lift_slopes(case), blades, positions, turned, wake_end, wake_rows(case), None
+    )
+
+
+def build_mean_aerodynamics(
+    case: Case,
+    induction: float,
+    blades: int = 3,
+    positions: Array | None = None,
+    turned: Array | None = None,
+) -> Aerodynamics:
+    """The same with the wake that the case asks for behind the mean load, slowed by an induction: for steady flow only.
+
+    Strips have the flat plate's lift slope; the wake's rows are as long as the rotor takes to turn by `MEAN_WAKE_TURN`.
+    Parameters as for `build_aerodynamics`.
+
+    Raises
+    ------
+    ValueError
+        If the case has no mean wake of its own.
+    """
+    if case.airloads.mean_wake == "perturbations":
+        raise ValueError("airloads.mean_wake: expected a length in rotor diameters, got 'perturbations'")
+    inflow, step = rotor_inflow(case, induction), MEAN_WAKE_TURN / case.rotor_speed
+    length = case.airloads.mean_wake * 2.0 * case.turbine.rotor.radius
+    rows = max(1, round(length / (inflow.wake_velocity[0] * step)))
+    return _assembled(case, inflow, None, blades, positions, turned, "closed", rows, step)
+
+
+def _assembled(
+    case: Case,
+    inflow: Inflow,
+    lift_slope: Array | None,
+    blades: int,
+    positions: Array | None,
+    turned: Array | None,
+    wake_end: WakeEnd,
+    rows: int,
+    wake_step: float | None,
+) -> Aerodynamics:
     return assemble(
-        lattice,
+        blade_rings(case, inflow, positions, turned),
         inflow,
-        time_step=grid.time_step,
-        wake_rows=wake_rows(case),
+        time_step=case.discretisation.time_step,
+        wake_rows=rows,
         air_density=case.operating_point.air_density,
         blades=blades,
         wake_end=wake_end,
+        wake_step=wake_step,
+        lift_slope=lift_slope,
     )
 
 

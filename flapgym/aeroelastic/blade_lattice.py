@@ -10,17 +10,23 @@ from numpy.typing import NDArray
 
 from flapgym.aerodynamics import (
     Aerodynamics,
-    convected_gust_downwash,
+    FullLoads,
+    MeanFlow,
+    cambered,
     flap_downwash,
+    full_loads,
+    gust_arrival,
     gust_downwash,
     transfer_function,
 )
 from flapgym.aeroelastic.interaction import (
     displacement_downwash,
+    following_moments,
     hub_turn_downwash,
     interpolation,
     velocity_downwash,
 )
+from flapgym.aeroelastic.lattice_motion import lattice_motion, mode_downwash, segment_motion
 from flapgym.reduction import ReducedSystem, balanced_reduction
 from flapgym.state_space import Array
 from flapgym.structure import LinearBlade
@@ -42,13 +48,16 @@ class BladeLattice:
         Downwash at the collocation points per unit input: mode rates (m), modes (m), hub velocity (6), hub
         rotation about y and z (2), flap angle and rate, gust in each spanwise strip.
     load : (m + 6, 3 P) float
-        Generalised force on the modes, and force and moment on the hub apex, per unit panel force. The forces
-        are those of the perturbed circulation in the mean flow; the mean circulation in the perturbed flow is
-        left out, as in the paper: 3 % of the flapwise moment by gust, but 40 % of the torque.
+        Generalised force on the modes, and force and moment on the hub apex, per unit panel force.
     modes, strips : int
         m and the number of strips.
     convected : bool
         Whether the reduced lattice's gust travels along the chord; ``downwash`` has it strike at once.
+    full : FullLoads, optional
+        What the mean circulation in the perturbed flow adds to the loads. None leaves the forces of the perturbed
+        circulation in the mean flow, as in the paper: some 3 % of the flapwise moment by gust is lost, but 40 % of the
+        torque.
+        A convected gust still meets the mean circulation at once.
     """
 
     downwash: Array
@@ -56,6 +65,7 @@ class BladeLattice:
     modes: int
     strips: int
     convected: bool = False
+    full: FullLoads | None = None
 
     def select(self, *names: str) -> Array:
         """Columns of the identity that feed the named group of inputs, shape (nu, size of the group)."""
@@ -73,45 +83,57 @@ class BladeLattice:
         return held, self.select("mode_rate", "hub_velocity")
 
 
-def blade_lattice(case: Case, aero: Aerodynamics, blade: LinearBlade, shape: Array) -> BladeLattice:
-    """Inputs and outputs of one blade's lattice in the blade's modes ``shape`` (6 n, m)."""
-    collocation = aero.collocation
-    displacement, rotation = interpolation(blade, collocation)
+def blade_lattice(
+    case: Case, aero: Aerodynamics, blade: LinearBlade, shape: Array, flow: MeanFlow | None = None
+) -> BladeLattice:
+    """Inputs and outputs of one blade's lattice in the blade's modes ``shape`` (6 n, m), linearised about a mean flow.
+
+    Without a mean flow, or where the case asks for no more, the loads are those of the perturbed circulation alone, and
+    the sections' camber enters the mean load only.
+    """
     force_displacement, _ = interpolation(blade, aero.force_point)
-    angle, rate = flap_downwash(aero, case.flap)
+    load = np.vstack([(force_displacement @ shape).T, rigid_displacement(aero.force_point).T])
+    modes, strips = shape.shape[1], aero.lattice.strips
+    convected = case.discretisation.gust == "convected"
+    if flow is None or case.airloads.linearisation == "mean flow":
+        displacement, rotation = (part @ shape for part in interpolation(blade, aero.collocation))
+        rate = velocity_downwash(aero, displacement)
+        held = displacement_downwash(aero, case.rotor_speed, displacement, rotation)
+        return BladeLattice(_downwash(case, aero, rate, held), load, modes, strips, convected)
+    aero = cambered(aero, flow.loads.zero_lift_angle)
+    motion = lattice_motion(case, blade, shape, flow)
+    full = full_loads(aero, flow, segment_motion(case, aero, motion), load)
+    full.direct[:, modes : 2 * modes] += following_moments(blade, flow.loads, shape)
+    downwash = _downwash(case, aero, *mode_downwash(aero, case.rotor_speed, motion))
+    return BladeLattice(downwash, load, modes, strips, convected, full)
+
+
+def _downwash(case: Case, aero: Aerodynamics, rate: Array, held: Array) -> Array:
+    """Columns of ``BladeLattice.downwash``, those of the modes' rates and of the modes held being given."""
+    flap = case.flap
+    angle, angle_rate = flap_downwash(aero, flap)
     if not (np.isfinite(angle).all() and angle.any()):
-        flap = case.flap
         raise ValueError(
             f"flap: the lattice resolves no flap from span_start {number(flap.span_start)} to span_end "
             f"{number(flap.span_end)} of chord_fraction {number(flap.chord_fraction)}; make it larger"
         )
-    gust = gust_downwash(aero)
-    hub = hub_turn_downwash(aero, case.operating_point.wind_speed)
-    downwash = np.hstack(
-        [
-            velocity_downwash(aero, displacement @ shape),
-            displacement_downwash(aero, case.rotor_speed, displacement @ shape, rotation @ shape),
-            velocity_downwash(aero, rigid_displacement(collocation)),
-            hub[:, 1:],  # a turn about the shaft changes nothing
-            angle[:, None],
-            rate[:, None],
-            gust,
-        ]
-    )
-    load = np.vstack([(force_displacement @ shape).T, rigid_displacement(aero.force_point).T])
-    convected = case.discretisation.gust == "convected"
-    return BladeLattice(downwash, load, shape.shape[1], gust.shape[1], convected)
+    hub = velocity_downwash(aero, rigid_displacement(aero.collocation))
+    hub_turn = hub_turn_downwash(aero, case.operating_point.wind_speed)[
+        :, 1:
+    ]  # about the shaft nothing changes
+    return np.hstack([rate, held, hub, hub_turn, angle[:, None], angle_rate[:, None], gust_downwash(aero)])
 
 
 def lattice_response(
     aero: Aerodynamics, lattice: BladeLattice, component: int, z: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
     """Loads per input (nz, m + 6, nu) of one cyclic component at points z, with the lattice's own kind of gust."""
-    response = transfer_function(aero, component, z, lattice.downwash, lattice.load)
+    downwash: NDArray[np.generic] = lattice.downwash
     if lattice.convected:
-        gust = convected_gust_downwash(aero, z)
-        response[:, :, -lattice.strips :] = transfer_function(aero, component, z, gust, lattice.load)
-    return response
+        by_frequency = np.broadcast_to(downwash, (len(z), *downwash.shape)).astype(complex)
+        by_frequency[:, :, -lattice.strips :] *= gust_arrival(aero, z)[:, :, None]
+        downwash = by_frequency
+    return transfer_function(aero, component, z, downwash, lattice.load, lattice.full)
 
 
 def reduce_component(
@@ -179,5 +201,29 @@ def _stacked_response(
 ) -> NDArray[np.complex128]:
     load = np.vstack([lattice.load for lattice in lattices])
     return np.concatenate(
-        [lattice_response(aero, replace(lattice, load=load), component, z) for lattice in lattices], axis=2
+        [
+            lattice_response(
+                aero, replace(lattice, load=load, full=_stacked_full(lattices, place)), component, z
+            )
+            for place, lattice in enumerate(lattices)
+        ],
+        axis=2,
+    )
+
+
+def _stacked_full(lattices: Sequence[BladeLattice], driven: int) -> FullLoads | None:
+    """Full loads of stacked lattices when the inputs of one are driven: the others move neither air nor segments."""
+    parts = [lattice.full for lattice in lattices]
+    if any(part is None for part in parts):
+        return None
+    given = [part for part in parts if part is not None]
+    return FullLoads(
+        circulation=np.vstack([part.circulation for part in given]),
+        induced=np.vstack([part.induced for part in given]),
+        direct=np.vstack(
+            [
+                part.direct if place == driven else np.zeros_like(part.direct)
+                for place, part in enumerate(given)
+            ]
+        ),
     )

@@ -10,7 +10,7 @@ import scipy
 import scipy.linalg
 
 from flapgym import __version__
-from flapgym.aerodynamics import Aerodynamics
+from flapgym.aerodynamics import Aerodynamics, MeanFlow, wake_transport
 from flapgym.aeroelastic.blade_lattice import (
     blade_lattice,
     reduce_component,
@@ -23,7 +23,7 @@ from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equati
 from flapgym.aeroelastic.harmonics import TOLERANCE, fourier_series
 from flapgym.aeroelastic.model import TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
 from flapgym.aeroelastic.periodic import step_matrices
-from flapgym.aeroelastic.record import READINGS, Record
+from flapgym.aeroelastic.record import Record, readings
 from flapgym.aeroelastic.trim import deflected_lattice, trim
 from flapgym.aeroelastic.uneven import UnevenParts, assemble_uneven, multiblade_equations, uneven_equations
 from flapgym.reduction import ReducedSystem, normal_modes, output_rms
@@ -89,10 +89,10 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     single = couple(blade_equations(parts), alone, dt)
     late = bool(case.discretisation.input_delay)
     if uneven is None:
-        turbine = couple(turbine_equations(parts), rotor, dt)
+        turbine = series(slow_wake(parts), couple(turbine_equations(parts), rotor, dt))
         turbine = delayed(carried_on(turbine, case.rotor_speed * dt)) if late else turbine
     else:
-        turbine, periodic = fourier_series(azimuth_steps(uneven, rotor, dt, late))
+        turbine, periodic = fourier_series(azimuth_steps(uneven, rotor, slow_wake(parts), late))
         errors["harmonics left out, at most"] = TOLERANCE
     single = delayed(single) if late else single
     refuse_unstable(case, {"turbine": turbine, "blade": single})
@@ -113,7 +113,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         inputs_hash=case.hash(),
         case=case.to_dict(),
         periodic=periodic,
-        record=Record(tools=tools(), readings=READINGS, errors=errors),
+        record=Record(tools=tools(), readings=readings(case), errors=errors),
     )
     tolerance = case.reduction.coupled_tolerance
     return compact_model(model, tolerance) if tolerance else model
@@ -144,19 +144,41 @@ def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
     balance = trim(case)
     blade = balance.blade
     frequency, shape = normal_modes(blade.mass, blade.stiffness, case.reduction.blade_modes)
+    flow = MeanFlow(balance.mean, balance.loads)
     parts = Parts(
         case=case,
         blade=blade,
         support=linear_support(case.turbine, case.rotor_speed),
         frequency=frequency,
         shape=shape,
-        lattice=blade_lattice(case, balance.rotor, blade, shape),
+        lattice=blade_lattice(case, balance.rotor, blade, shape, flow),
+        flow=flow,
     )
     return parts, balance.rotor
 
 
+def slow_wake(parts: Parts) -> StateSpace:
+    """The turbine's inputs as its lattice feels them: wind and collective flaps behind the states of a moving wake.
+
+    Each input as it is, without states, where the case keeps to its frozen wake.
+    """
+    case, count = parts.case, len(TURBINE_INPUTS)
+    dt, eye = case.discretisation.time_step, np.eye(count)
+    if case.airloads.slow_wake == "frozen":
+        none = np.zeros((0, 0)), np.zeros((0, count)), np.zeros((count, 0))
+        return StateSpace(*none, eye, dt, TURBINE_INPUTS, TURBINE_INPUTS)
+    if parts.flow is None:
+        raise ValueError("airloads.slow_wake: a blade without mean load has no wake to move")
+    found = wake_transport(case, parts.flow.circulation.reshape(case.discretisation.chordwise_panels, -1)[-1])
+    states = [found.wind.state_space(dt, "wind"), found.flap.state_space(dt, "flap_angle_0")]
+    place = eye[:, [TURBINE_INPUTS.index(state.inputs[0]) for state in states]]
+    direct = eye + place @ np.diag([state.D.item() - 1.0 for state in states]) @ place.T
+    A, B, C = (np.diag([getattr(state, name).item() for state in states]) for name in "ABC")
+    return StateSpace(A, B @ place.T, place @ C, direct, dt, TURBINE_INPUTS, TURBINE_INPUTS)
+
+
 def azimuth_steps(
-    uneven: UnevenParts, rotor: ReducedSystem, time_step: float, late: bool = False
+    uneven: UnevenParts, rotor: ReducedSystem, felt: StateSpace, late: bool = False
 ) -> Callable[[float], tuple[StateSpace, Array]]:
     """Steps of unequal blades by azimuth [rad], in multi-blade coordinates, with their forcing (n + ny,).
 
@@ -165,11 +187,12 @@ def azimuth_steps(
     uneven : UnevenParts
     rotor : ReducedSystem
         Its lattices, seen from the ground.
-    time_step : float
-        [s].
+    felt : StateSpace
+        ``slow_wake`` of the mean blade.
     late : bool
         Whether the inputs act a step late.
     """
+    time_step = felt.time_step
     equations = uneven_equations(uneven)
     turn = equations.rotor_speed * time_step
     by_azimuth = multiblade_equations(equations)
@@ -177,8 +200,9 @@ def azimuth_steps(
     def at(azimuth: float) -> tuple[StateSpace, Array]:
         A, B, C, D = step_matrices(by_azimuth, rotor, time_step, azimuth, turn)
         system = StateSpace(A, B[:, :-1], C, D[:, :-1], time_step, TURBINE_INPUTS, TURBINE_OUTPUTS)
+        system = series(felt, system)
         queue = np.zeros(len(TURBINE_INPUTS) if late else 0)
-        forcing = np.concatenate([B[:, -1], queue, D[:, -1]])
+        forcing = np.concatenate([np.zeros(felt.order), B[:, -1], queue, D[:, -1]])
         return (delayed(carried_on(system, turn)) if late else system), forcing
 
     return at

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flapgym.aerodynamics import MeanFlow
 from flapgym.aeroelastic.blade_lattice import BladeLattice
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, turbine_structure
 from flapgym.aeroelastic.model import BLADE_INPUTS, BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS
@@ -36,6 +37,8 @@ class Parts:
         The blade's modes kept [rad/s], mass-normalised.
     lattice : BladeLattice
         Its lattice in those modes.
+    flow : MeanFlow, optional
+        The lattice's steady state, about which its loads are linearised; None for a blade without mean load.
     """
 
     case: Case
@@ -44,6 +47,7 @@ class Parts:
     frequency: Array
     shape: Array
     lattice: BladeLattice
+    flow: MeanFlow | None = None
 
     @cached_property
     def modal_support(self) -> tuple[tuple[Array, Array, Array], Array]:

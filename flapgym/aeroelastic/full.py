@@ -51,6 +51,12 @@ def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -
     to_components = np.kron(np.linalg.inv(on_rotor()), np.eye(lattice.load.shape[0]))
     downwash = np.kron(each, lattice.downwash) @ to_blades
     loads = [to_components @ np.kron(each, lattice.load @ force) for force in rotor.force]
+    direct, in_wake = np.zeros((loads[0].shape[0], downwash.shape[1])), None
+    if (full := lattice.full) is not None:
+        in_velocity = to_components @ np.kron(each, full.induced)
+        loads[0] = loads[0] + to_components @ np.kron(each, full.circulation) + in_velocity @ wake.leading[0]
+        direct = to_components @ np.kron(each, full.direct) @ to_blades
+        in_wake = in_velocity
     outputs, inputs = loads[0].shape[0], downwash.shape[1]
     # At a step the load is that of the step's own inputs and one already known from the wake and the past.
     empty = np.zeros((0, 0))
@@ -58,7 +64,7 @@ def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -
         empty,
         np.zeros((0, inputs + outputs)),
         np.zeros((outputs, 0)),
-        np.hstack([loads[0] @ wake.per_downwash @ downwash, np.eye(outputs)]),
+        np.hstack([loads[0] @ wake.per_downwash @ downwash + direct, np.eye(outputs)]),
         np.ones(0),
     )
 
@@ -72,6 +78,8 @@ def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -
     for n, now in enumerate(u):
         free = wake.from_wake()
         known = loads[0] @ free + sum(load @ gamma for load, gamma in zip(loads[1:], past, strict=True))
+        if in_wake is not None:
+            known = known + in_wake @ wake.leading_from_wake()
         e = np.concatenate([now, known])
         there = at(n)
         after = instant(there, memoryless)

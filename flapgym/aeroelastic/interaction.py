@@ -6,11 +6,22 @@ Everything here belongs to one blade and stands in the rotor frame S at azimuth 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flapgym.aerodynamics import Aerodynamics
+from flapgym.aerodynamics import Aerodynamics, MeanLoads
 from flapgym.state_space import Array
-from flapgym.structure import LinearBlade
+from flapgym.structure import LinearBlade, blade_beam
 from flapgym.structure.rotation import hat
+from flapgym.turbine import Case
+
+
+def lattice_shape(case: Case, blade: LinearBlade) -> tuple[Array, Array]:
+    """Where the lattice's strips stand on the beam, and how they are turned from their undeformed attitude."""
+    grid = case.discretisation
+    first = grid.first_lattice_node
+    straight = blade_beam(case.turbine, grid.blade_elements, case.operating_point.pitch).reference
+    turned = blade.orientation[first:] @ straight.orientation[first:].transpose(0, 2, 1)
+    return blade.position[first:], turned
 
 
 def interpolation(blade: LinearBlade, point: Array) -> tuple[Array, Array]:
@@ -33,14 +44,8 @@ def interpolation(blade: LinearBlade, point: Array) -> tuple[Array, Array]:
     rotation : (3 p, 6 n) float
         Rotation of the section at the points per nodal degree of freedom.
     """
-    node = blade.position
-    axis = (node[-1] - node[0]) / np.linalg.norm(node[-1] - node[0])
-    station, span = node @ axis, point @ axis
-    element = np.clip(np.searchsorted(station, span, side="right") - 1, 0, len(station) - 2)
-    outer = (span - station[element]) / (station[element + 1] - station[element])
-    foot = (1.0 - outer)[:, None] * node[element] + outer[:, None] * node[element + 1]
-
-    count = len(node)
+    element, outer, foot = _nearest_station(blade, point)
+    count = len(blade.position)
     displacement = np.zeros((len(point), 3, count, 6))
     rotation = np.zeros_like(displacement)
     lever = -hat(point - foot)  # theta x arm = -[arm]x theta
@@ -51,6 +56,43 @@ def interpolation(blade: LinearBlade, point: Array) -> tuple[Array, Array]:
         rotation[index, :, end, 3:] += weight[:, None, None] * np.eye(3)
     shape = (3 * len(point), 6 * (count - 1))
     return displacement[:, :, 1:].reshape(shape), rotation[:, :, 1:].reshape(shape)
+
+
+def _nearest_station(blade: LinearBlade, point: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    """Element (p,) beside each point, how far out on it (0 to 1), and the beam's axis there (p, 3) [m]."""
+    node = blade.position
+    axis = (node[-1] - node[0]) / np.linalg.norm(node[-1] - node[0])
+    station, span = node @ axis, point @ axis
+    element = np.clip(np.searchsorted(station, span, side="right") - 1, 0, len(station) - 2)
+    outer = (span - station[element]) / (station[element + 1] - station[element])
+    return element, outer, (1.0 - outer)[:, None] * node[element] + outer[:, None] * node[element + 1]
+
+
+def following_moments(blade: LinearBlade, loads: MeanLoads, shape: Array) -> Array:
+    """Loads (m + 6, m) of mean forces and moments that turn with the sections they act on, per unit of the modes.
+
+    The structure holds the trim's nodal forces and moments for dead. But a force's point of attack turns about the
+    beam's axis, by (theta x arm) x F, and a section's pitching moment turns with its span, by theta x M: small terms,
+    which a complete linearisation has. Rows: the modes ``shape`` (6 n, m), then force and moment on the hub apex.
+    """
+    modes = shape.shape[1]
+    out = np.zeros((modes + 6, modes))
+    for points, mean, arms in (
+        (loads.force_point, loads.force, True),
+        (loads.couple_point, loads.couple, False),
+    ):
+        if not len(points):
+            continue
+        turning = interpolation(blade, points)[1] @ shape
+        turn = turning.reshape(-1, 3, modes)
+        if arms:
+            arm = points - _nearest_station(blade, points)[2]
+            moment = np.einsum("pij,pjk,pkm->pim", -hat(mean), -hat(arm), turn)  # (theta x arm) x F
+        else:
+            moment = np.einsum("pij,pjm->pim", -hat(mean), turn)
+        out[:modes] += turning.T @ moment.reshape(-1, modes)
+        out[-3:] += moment.sum(axis=0)
+    return out
 
 
 def velocity_downwash(aero: Aerodynamics, displacement: Array) -> Array:

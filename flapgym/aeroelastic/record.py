@@ -5,19 +5,50 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from flapgym.turbine import Case
+
 MARGIN = 1.3
 """Flutter below this many times the operating speed is worth a warning."""
 
-READINGS = (
-    "shaft bends with EI 1e13 N m^2, generator locked, nacelle's yaw inertia also about its roll axis",
-    "structural damping is modal: the turbine's ratio for every mode of a blade, another for tower and shaft",
-    "the blade's beam axis runs through the aerofoils' quarter chords",
-    "mean wind and gust along the tilted shaft; the wake moves with the mean wind less the case's induction",
-    "forces are those of the perturbed circulation in the mean flow; no profile drag, no dynamic stall",
-    "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",
-    "gravity left out; perturbations about the trim under the mean air and centrifugal load",
-)
-"""Where the paper is silent or short: what was read into it, in a line each."""
+
+def readings(case: Case) -> tuple[str, ...]:
+    """Where the sources are silent or short: what a case reads into them, in a line each."""
+    loads, turbine = case.airloads, case.turbine
+    axis, wake = loads.elastic_axis, loads.mean_wake
+    return (
+        f"shaft bends with EI {turbine.drivetrain.shaft_bending_stiffness:g} N m^2, generator locked, inertia of the "
+        f"nacelle about its roll axis {turbine.nacelle.roll_inertia:g} kg m^2",
+        f"structural damping is modal: {turbine.blade_damping_ratio:.3%} of critical for every mode of a blade, "
+        f"{turbine.tower_damping_ratio:.3%} for tower and shaft",
+        "the blade's beam axis runs through "
+        + ("its pitch axis, by station" if axis == "published" else f"{axis:.1%} of the chords"),
+        "mean wind and gust along the tilted shaft; the perturbations' wake moves with the mean wind less the case's "
+        "induction",
+        "mean load: "
+        + ("no profile drag, " if loads.profile == "none" else "the sections' drag and pitching moment, ")
+        + (
+            "the perturbations' wake"
+            if wake == "perturbations"
+            else f"a wake of {wake:g} diameters with induction"
+        ),
+        "perturbations: lift slope "
+        + ("2 pi" if loads.lift_slope == "thin aerofoil" else "listed with the sections' polars")
+        + "; no change of drag and pitching moment, no dynamic stall",
+        "forces are those of the perturbed circulation in the mean flow"
+        + (
+            ""
+            if loads.linearisation == "mean flow"
+            else ", and of the mean circulation in the perturbed flow"
+        ),
+        "the perturbations' wake is a fixed helix"
+        + (
+            ""
+            if loads.slow_wake == "frozen"
+            else "; slow wind and collective flaps have a state each for its moving"
+        ),
+        "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",
+        "gravity left out; perturbations about the trim under the mean air and centrifugal load",
+    )
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from flapgym.aeroelastic.blade_lattice import reduce_component
-from flapgym.aeroelastic.build import assemble_parts, carried_on
+from flapgym.aeroelastic.build import assemble_parts, carried_on, slow_wake
 from flapgym.aeroelastic.coupling import Equations, Output, couple, multiblade_aerodynamics, turbine_structure
 from flapgym.aeroelastic.equations import (
     Parts,
@@ -18,7 +18,7 @@ from flapgym.aeroelastic.equations import (
     turbine_equations,
 )
 from flapgym.aeroelastic.model import TURBINE_OUTPUTS
-from flapgym.state_space import Array, StateSpace, delayed
+from flapgym.state_space import Array, StateSpace, delayed, series
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
 
@@ -31,8 +31,8 @@ def study_turbine(case: Case) -> StateSpace:
     The edgewise root moment [N m], in multi-blade coordinates, turns the blade on in the rotor's direction, about the
     axis square to the coned, untwisted blade. The moments [N m] on the foundation are positive for a thrust downwind
     and for a force to the left of one who looks downwind, the sides on which the tower's top moves positively.
-    All by force summation. In-plane air loads come out some 40 % too small in the linear lattice, and with them the
-    edgewise moments' share from the air; gravity is left out.
+    All by force summation. Where the case's loads leave out the mean circulation in the perturbed flow, in-plane air
+    loads come out some 40 % too small, and with them the edgewise moments' share from the air. Gravity is left out.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def study_turbine(case: Case) -> StateSpace:
     order, tolerance = keep.aerodynamic_states, keep.aerodynamic_tolerance
     collective, whirl = (reduce_component(rotor, parts.lattice, m, order, tolerance) for m in (0, 1))
     lattice = multiblade_aerodynamics(collective, whirl, case.rotor_speed, grid.time_step)
-    turbine = couple(study_equations(parts), lattice, grid.time_step)
+    turbine = series(slow_wake(parts), couple(study_equations(parts), lattice, grid.time_step))
     return delayed(carried_on(turbine, case.rotor_speed * grid.time_step)) if grid.input_delay else turbine
 
 

@@ -10,10 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.aerodynamics import Aerodynamics, MeanLoads, build_aerodynamics, mean_loads
-from flapgym.aeroelastic.interaction import interpolation
+from flapgym.aerodynamics import (
+    Aerodynamics,
+    MeanLoads,
+    build_aerodynamics,
+    build_mean_aerodynamics,
+    mean_loads,
+    momentum_induction,
+)
+from flapgym.aeroelastic.interaction import interpolation, lattice_shape
 from flapgym.state_space import Array
-from flapgym.structure import EquilibriumError, LinearBlade, blade_beam, linear_blade
+from flapgym.structure import EquilibriumError, LinearBlade, linear_blade
 from flapgym.turbine import Case
 from flapgym.wording import number
 
@@ -31,16 +38,22 @@ class Trim:
     blade : LinearBlade
         Blade 1 linearised about the equilibrium.
     rotor : Aerodynamics
-        The lattice of all blades in their deflected places.
+        The lattice of all blades in their deflected places, with the wake that the perturbations have.
+    mean : Aerodynamics
+        The same with the wake behind the mean load, for steady flow only; the one above unless the case has another.
     loads : MeanLoads
         Mean loads there.
+    induction : float
+        Axial induction that slows the mean wake.
     iterations : int
         Rounds of lattice and beam.
     """
 
     blade: LinearBlade
     rotor: Aerodynamics
+    mean: Aerodynamics
     loads: MeanLoads
+    induction: float
     iterations: int
 
 
@@ -71,33 +84,53 @@ def trim(case: Case, blades: int = 3) -> Trim:
                 f"{case.rotor_speed:.3g} rad/s ({error}); lower wind_speed or tip_speed_ratio"
             ) from error
 
-    blade, move = bend(None), np.inf
+    blade, induction, move = bend(None), _induction_to_start_with(case), np.inf
     for iteration in range(1, MAX_ITERATIONS + 1):
-        rotor = deflected_lattice(case, blade, blades)
-        loads = mean_loads(case, rotor)
+        mean = _mean_lattice(case, blade, induction, blades)
+        loads = mean_loads(case, mean)
         # The first loaded shape lies far from the unloaded one, the next ones near it.
         after = bend(nodal_load(blade, loads), blade if iteration > 1 else None)
         move = float(np.linalg.norm(after.position - blade.position, axis=1).max())
+        settled = move < TOLERANCE
+        if case.airloads.mean_induction == "momentum" and not settled:
+            induction = momentum_induction(loads.thrust_coefficient)
         blade = after
-        if move < TOLERANCE:
-            return Trim(blade, rotor, loads, iteration)
+        if settled:
+            rotor = mean if _same_wake(case) else deflected_lattice(case, blade, blades)
+            return Trim(blade, rotor, mean, loads, induction, iteration)
     raise ValueError(
         f"operating_point: blade and lattice still move by {move:.3g} m after {MAX_ITERATIONS} rounds; "
         "lower wind_speed or tip_speed_ratio"
     )
 
 
+def _same_wake(case: Case) -> bool:
+    return case.airloads.mean_wake == "perturbations"
+
+
+def _induction_to_start_with(case: Case) -> float:
+    if _same_wake(case):
+        return case.discretisation.induction
+    chosen = case.airloads.mean_induction
+    return 0.0 if chosen == "momentum" else chosen
+
+
+def _mean_lattice(case: Case, blade: LinearBlade, induction: float, blades: int) -> Aerodynamics:
+    if _same_wake(case):
+        return deflected_lattice(case, blade, blades)
+    return build_mean_aerodynamics(case, induction, blades, *lattice_shape(case, blade))
+
+
 def deflected_lattice(case: Case, blade: LinearBlade, blades: int) -> Aerodynamics:
     """The lattice on the deflected beam: its axis where the nodes are, its sections turned as they are."""
-    grid = case.discretisation
-    first = grid.first_lattice_node
-    straight = blade_beam(case.turbine, grid.blade_elements, case.operating_point.pitch).reference
-    turned = blade.orientation[first:] @ straight.orientation[first:].transpose(0, 2, 1)
-    return build_aerodynamics(case, blades, blade.position[first:], turned)
+    return build_aerodynamics(case, blades, *lattice_shape(case, blade))
 
 
 def nodal_load(blade: LinearBlade, loads: MeanLoads) -> Array:
-    """Mean panel forces as nodal forces and moments (n + 1, 6) in S, the root's own being zero."""
+    """Mean forces and moments as nodal forces and moments (n + 1, 6) in S, the root's own being zero."""
     displacement, _ = interpolation(blade, loads.force_point)
-    nodal = (displacement.T @ loads.force.ravel()).reshape(-1, 6)
-    return np.vstack([np.zeros(6), nodal])
+    nodal = displacement.T @ loads.force.ravel()
+    if len(loads.couple):
+        _, rotation = interpolation(blade, loads.couple_point)
+        nodal = nodal + rotation.T @ loads.couple.ravel()
+    return np.vstack([np.zeros(6), nodal.reshape(-1, 6)])

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flapgym.aerodynamics import Aerodynamics
+from flapgym.aerodynamics import Aerodynamics, MeanFlow
 from flapgym.aeroelastic.blade_lattice import blade_lattice
 from flapgym.aeroelastic.coupling import Equations
 from flapgym.aeroelastic.equations import Parts, blade_by_blade
@@ -66,10 +66,12 @@ def assemble_uneven(case: Case) -> tuple[UnevenParts, Aerodynamics]:
     balance = steady(middle)
     frequency, shape = normal_modes(balance.blade.mass, balance.blade.stiffness, modes)
 
-    def in_shapes(own: Case, blade: LinearBlade, aero: Aerodynamics, shape: Array) -> Parts:
-        return Parts(own, blade, support, frequency, shape, blade_lattice(own, aero, blade, shape))
+    def in_shapes(own: Case, there: Trim, shape: Array) -> Parts:
+        flow = MeanFlow(there.mean, there.loads)
+        lattice = blade_lattice(own, there.rotor, there.blade, shape, flow)
+        return Parts(own, there.blade, support, frequency, shape, lattice, flow)
 
-    mean = in_shapes(middle, balance.blade, balance.rotor, shape)
+    mean = in_shapes(middle, balance, shape)
     offsets = sorted(set(case.blades.pitch_offset))
     lattices = []
     for offset in offsets:
@@ -80,7 +82,7 @@ def assemble_uneven(case: Case) -> tuple[UnevenParts, Aerodynamics]:
         there = steady(turned)
         _, modal = normal_modes(there.blade.mass, there.blade.stiffness, modes)
         nearest = aligned(modal, there.blade.mass, shape)
-        lattices.append(in_shapes(turned, there.blade, there.rotor, nearest))
+        lattices.append(in_shapes(turned, there, nearest))
     places = tuple(offsets.index(offset) for offset in case.blades.pitch_offset)
     blades = []
     for b, place in enumerate(places):

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.channels import controller_channels
 from flapgym.control.closed_loop import closed_loop
-from flapgym.state_space import Array, StateSpace
+from flapgym.control.growth import growth
+from flapgym.control.peak_gain import peak_gain
+from flapgym.state_space import StateSpace
 from flapgym.turbine.fields import Count
-
-# Dense where tower and whirl modes stand, wide enough for the flap's own dynamics [Hz].
-FREQUENCIES = np.unique(
-    np.concatenate([np.geomspace(0.005, 60.0, 200), np.linspace(0.1, 0.8, 200), np.linspace(0.8, 12.0, 300)])
-)
-RESONANT = 0.1
-"""Damping ratio below which a mode of the closed loop has frequencies of its own beside the grid."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +22,17 @@ class DiskMargin:
     Attributes
     ----------
     alpha : float
-        1 / max |S - 1/2|: the loop stays stable while each blade's measurement is multiplied by (1 + d/2) / (1 - d/2)
-        with any |d| < alpha, the blades' d being alike or not; 0 to 2.
+        1 / max |S - 1/2|, 0 to 2: the loop stays stable while each blade's measurement is multiplied by
+        (1 + d/2) / (1 - d/2) with any complex |d| < alpha, the blades' d being alike or not. 0 for an unstable loop.
     frequency : float
-        Where the margin is least [Hz].
+        Where the margin is least, or of what grows [Hz].
+
+    Notes
+    -----
+    The maximum is that of the largest singular value, so the margin covers more than three factors: every complex 3 x 3
+    matrix d of norm below alpha, which mixes the blades' measurements, constant or varying in time. For three factors,
+    one a blade and independent, it is a lower bound of what is borne. With blades alike no constant scaling of their
+    signals against each other raises it: the blades can be exchanged, and the mean over the exchanges scales nothing.
     """
 
     alpha: float
@@ -48,36 +50,34 @@ class DiskMargin:
         return float(2.0 * np.arctan(0.5 * self.alpha))
 
 
-def disk_margin(
-    model: TurbineModel,
-    controller: StateSpace,
-    plant: StateSpace | None = None,
-    frequency: Array = FREQUENCIES,
-) -> DiskMargin:
+def disk_margin(model: TurbineModel, controller: StateSpace, plant: StateSpace | None = None) -> DiskMargin:
     """Disk margin at the three measured moments together, from the largest singular value of S - T (Seiler 2020).
 
-    Multi-blade components are scaled to keep the sum of squares over the blades, so the largest gain is that of the
-    blades' own frames. The peaks stand at the closed loop's own modes, some of them a hundredth of a hertz wide: each
-    lightly damped one is looked at where it stands and half its width to either side, the rest on a grid.
+    The least margin over all frequencies is at most `peak_gain.TOLERANCE` smaller than the one returned, relative.
+    Multi-blade components are scaled to a rotation of the blades' own signals, which keeps every norm: so the factors
+    are those on the blades' own measurements, though constant ones that differ from blade to blade are periodic in the
+    frame of the tower.
     """
     loop = closed_loop(model, controller, plant=plant)
+    grows = growth(loop)
+    if grows is not None:
+        return DiskMargin(0.0, grows.frequency)
+    peak, frequency = peak_gain(sensitivity_difference(loop))
+    return DiskMargin(2.0 / peak, frequency)
+
+
+def sensitivity_difference(loop: StateSpace) -> StateSpace:
+    """S - T of a closed loop at the three measured moments, components scaled to a rotation of the blades' own."""
     channels = controller_channels([name for name in loop.outputs if name.startswith("flap_angle")])
     moment = loop.select(inputs=channels.named("noise"), outputs=channels.named("rbm"))
     scale = np.sqrt(channels.weight)
     # Noise n on the measurement: the loop sees S n, of which the true moment is S n - n = -T n.
-    frequency = np.union1d(frequency, _resonances(moment))
-    response = moment.frequency_response(frequency) * scale[:, None] / scale
-    size = np.linalg.norm(2.0 * response + np.eye(channels.count), ord=2, axis=(1, 2))
-    worst = int(size.argmax())
-    return DiskMargin(float(2.0 / size[worst]), float(frequency[worst]))
-
-
-def _resonances(loop: StateSpace) -> Array:
-    """Frequencies [Hz] of the lightly damped modes, and those at which their response is down by 3 dB."""
-    values = np.linalg.eigvals(loop.A)
-    pole = np.log(values[values.imag > 0.0]) / (2.0 * np.pi * loop.time_step)
-    pole = pole[-pole.real < RESONANT * np.abs(pole)]
-    return np.concatenate([pole.imag + side * pole.real for side in (-1.0, 0.0, 1.0)])
+    return replace(
+        moment,
+        B=moment.B / scale,
+        C=2.0 * scale[:, None] * moment.C,
+        D=2.0 * scale[:, None] * moment.D / scale + np.eye(channels.count),
+    )
 
 
 def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> StateSpace:
@@ -107,11 +107,12 @@ def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> 
 def delay_margin(model: TurbineModel, controller: StateSpace, longest: int = 60) -> int:
     """Largest delay of the measurement, in steps, up to which the full closed loop is stable; at most `longest`.
 
-    Every delay is tried in turn: beyond an unstable one a loop may be stable again.
+    Every delay is tried in turn: beyond an unstable one a loop may be stable again. 0, too, for a loop that is unstable
+    without delay.
     """
     Count(at_least=1).check(longest, "delay_margin.longest")
-    for delay in range(1, longest + 1):
+    for delay in range(longest + 1):
         late = late_measurement(controller, delay, model.rotor_speed)
         if closed_loop(model, late).spectral_radius() >= 1.0:
-            return delay - 1
+            return max(delay - 1, 0)
     return longest

@@ -13,19 +13,21 @@ from numpy.typing import NDArray
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import blade_azimuths
 from flapgym.control.channels import MULTIBLADE, ROTOR
-from flapgym.control.closed_loop import flaps_loop, require_model_step
+from flapgym.control.closed_loop import flaps_loop, growth_per_turn, require_model_step
 from flapgym.control.margins import DiskMargin
-from flapgym.state_space import StateSpace
+from flapgym.state_space import Array, StateSpace, TransferFunction
 
-Response = NDArray[np.complex128]
-Indices = NDArray[np.int64]
+Response = NDArray[np.complexfloating]
+Indices = NDArray[np.integer]
 
 HARMONICS = 1
-"""To either side of a frequency; two change the margin of the design on a frozen turbine by less than 1e-5."""
-RESOLUTION = 128
-"""Frequencies per revolution a second: 1.5 mHz. Four times as many lower the margins by up to 1 %."""
-LAST = 12.0
-"""Frequency [Hz] beyond which the flap's own dynamics leave the loop no gain."""
+"""To either side of a frequency; two change the margin of the design on a frozen turbine by 1e-8."""
+RESOLUTION = 32
+"""Intervals per revolution a second at the start of the search, besides those the open loop's own modes begin."""
+TOLERANCE = 1e-5
+"""Of the margin, relative: between the frequencies looked at it is nowhere smaller by more than that."""
+BENT = 2.0
+"""How far the open loop may stray within an interval from where it begins, over how far off it ends."""
 TURNS = np.array([0, 1, -1])
 """Revolutions a second by which the rotating frame sees the components 0, + and - faster."""
 
@@ -43,7 +45,8 @@ def periodic_disk_margin(
     ----------
     model : TurbineModel
     controller : StateSpace
-        Three moments, angles and rates to three accelerations; the loop must decay (`growth_per_turn`).
+        Three moments, angles and rates to three accelerations. One whose loop grows (`growth_per_turn`) has the margin
+        0, at a frequency that is not known, NaN.
     harmonics : int
         Kept to either side of each frequency.
     """
@@ -53,60 +56,109 @@ def periodic_disk_margin(
             f"{', '.join(controller.inputs)}"
         )
     require_model_step("periodic_disk_margin.controller", controller, model)
-    turn = model.rotor_speed / (2.0 * np.pi)
-    centres = np.arange(round(LAST / turn * RESOLUTION))
-    reach = centres.size + (harmonics + 1) * RESOLUTION
-    grid = np.linspace(0.0, reach * turn / RESOLUTION, reach, endpoint=False)
-    measured = _lifted(_turbine_response(model, grid), _flap_response(controller, grid), centres, harmonics)
-    # Of noise on the measurement the loop sees S n: S - T = 2 S - 1.
-    unit = np.eye(measured.shape[-1])
-    response = 2.0 * np.linalg.inv(unit - measured) - unit
-    size = np.linalg.norm(response, ord=2, axis=(1, 2))
-    worst = int(size.argmax())
+    if growth_per_turn(model, controller) >= 1.0:
+        return DiskMargin(0.0, np.nan)
+    loop = _LiftedLoop(model, controller, harmonics)
+    peak, frequency = _highest(loop)
     # Of the harmonics the one that takes most part.
-    share = np.abs(np.linalg.svd(response[worst])[2][0]).argmax() // 3 - harmonics
-    return DiskMargin(float(2.0 / size[worst]), float(turn * abs(worst / RESOLUTION + share)))
+    worst = _difference(np.linalg.inv(loop(np.array([frequency]))))[0]
+    share = np.abs(np.linalg.svd(worst)[2][0]).argmax() // 3 - harmonics
+    return DiskMargin(2.0 / peak, float(abs(frequency + share * loop.turn)))
 
 
-def _turbine_response(model: TurbineModel, frequency: NDArray[np.float64]) -> Response:
-    """From components of angle and rate to those of the moment, (nf, 3, 6)."""
-    plant = model.turbine.select(MULTIBLADE.inputs[3:], MULTIBLADE.named("rbm"))
-    to_components = np.sqrt(3.0) * np.array([[1.0, 0.0, 0.0], [0.0, 0.5, -0.5j], [0.0, 0.5, 0.5j]])
-    back = np.kron(np.eye(2), np.linalg.inv(to_components))
-    return np.asarray(to_components @ plant.frequency_response(frequency) @ back)
+class _LiftedLoop:
+    """1 - L at any frequencies, L from moments seen to moments answered, harmonic by harmonic."""
+
+    def __init__(self, model: TurbineModel, controller: StateSpace, harmonics: int) -> None:
+        turbine = model.turbine.select(MULTIBLADE.inputs[3:], MULTIBLADE.named("rbm"))
+        flaps = flaps_loop(controller, np.eye(3)).select(outputs=ROTOR.inputs[3:])
+        self._turbine, self._flaps = (
+            TransferFunction(each.A, each.B, each.C, each.D) for each in (turbine, flaps)
+        )
+        self._step = model.time_step
+        self.turn = model.rotor_speed / (2.0 * np.pi)
+        self.orders = np.arange(-harmonics, harmonics + 1)
+        self._components = np.sqrt(3.0) * np.array([[1.0, 0.0, 0.0], [0.0, 0.5, -0.5j], [0.0, 0.5, 0.5j]])
+        self._blades = np.exp(1j * np.outer(blade_azimuths(0.0), TURNS)) / np.sqrt(3.0)
+
+    def starting_grid(self) -> Array:
+        """Frequencies [Hz] up to half the sampling rate: even, and where the open loop's own modes stand.
+
+        A mode narrower than an interval so begins one, and what it does shows at that interval's ends.
+        """
+        own = [each.poles[np.abs(each.poles) > 0.5] for each in (self._turbine, self._flaps)]
+        modes = np.angle(np.concatenate(own)) / (2.0 * np.pi * self._step)
+        reach = np.arange(self.orders[0] - 1, self.orders[-1] + 2)
+        seen = (modes[:, None] + self.turn * reach).ravel()
+        highest = 0.5 / self._step
+        even = np.arange(0.0, highest, self.turn / RESOLUTION)
+        inside = seen[(seen > 0.0) & (seen < highest)]
+        return np.unique(np.concatenate([even, inside, [highest]]))
+
+    def __call__(self, frequency: Array) -> Response:
+        """(nf, m, m), three components for each harmonic."""
+        count, first = self.orders.size, self.orders[0]
+        reach = np.arange(first - 1, self.orders[-1] + 2)
+        back = np.kron(np.eye(2), self._blades.conj().T)
+        motion = back @ self._at(self._flaps, frequency, reach) @ self._blades
+        asked = np.zeros((frequency.size, 2, 3 * count, 3 * count), dtype=complex)
+        for index, seen in enumerate(reach):
+            # What the rotor sees at one frequency are components at three frequencies of the tower's frame.
+            row = seen - TURNS - first
+            kept = np.flatnonzero((row >= 0) & (row < count))
+            place = 3 * row[kept] + kept
+            one = motion[:, index].reshape(-1, 2, 3, 3)
+            asked[:, :, place[:, None], place] = one[:, :, kept[:, None], kept]
+        back = np.kron(np.eye(2), np.linalg.inv(self._components))
+        answer = self._components @ self._at(self._turbine, frequency, self.orders) @ back
+        result = np.tile(np.eye(3 * count, dtype=complex), (frequency.size, 1, 1))
+        for row in range(count):
+            here = slice(3 * row, 3 * row + 3)
+            result[:, here] -= answer[:, row, :, :3] @ asked[:, 0, here]
+            result[:, here] -= answer[:, row, :, 3:] @ asked[:, 1, here]
+        return result
+
+    def _at(self, transfer: TransferFunction, frequency: Array, orders: Indices) -> Response:
+        """Response (nf, orders, ny, nu) at frequencies and what lies whole turns beside them, each asked for once."""
+        # A turn further stands another frequency of an even grid, but for rounding.
+        asked = np.round(frequency[:, None] + self.turn * orders, 12)
+        unique, where = np.unique(asked, return_inverse=True)
+        response = np.stack([transfer(z) for z in np.exp(2j * np.pi * unique * self._step)])
+        return np.asarray(response[where.reshape(asked.shape)])
 
 
-def _flap_response(controller: StateSpace, frequency: NDArray[np.float64]) -> Response:
-    """From components of the moment, seen from the rotor, to those of angle and rate, (nf, 6, 3)."""
-    flaps = flaps_loop(controller, np.eye(3))
-    blades = np.exp(1j * np.outer(blade_azimuths(0.0), TURNS)) / np.sqrt(3.0)
-    back = np.kron(np.eye(2), blades.conj().T)
-    motion = flaps.select(outputs=ROTOR.inputs[3:]).frequency_response(frequency)
-    return np.asarray(back @ motion @ blades)
+def _highest(loop: _LiftedLoop) -> tuple[float, float]:
+    """Largest singular value of S - T and its frequency [Hz], by halving every interval in which it may be larger.
+
+    Where 1 - L begins an interval at 1 / S and strays from there by E, |S E| <= q < 1, S changes by |S| q / (1 - q) at
+    most. L has no modes but the open loop's, however narrow those of the closed loop are.
+    """
+    nodes = loop.starting_grid()
+    response = loop(nodes)
+    begin, end = nodes[:-1], nodes[1:]
+    first, last = response[:-1], response[1:]
+    best, at = 0.0, 0.0
+    while begin.size:
+        seen = np.linalg.inv(first)
+        size = _norm(_difference(seen))
+        if size.max() > best:
+            best, at = float(size.max()), float(begin[size.argmax()])
+        stray = BENT * _norm(seen @ (last - first))
+        with np.errstate(divide="ignore"):
+            bound = np.where(stray < 1.0, size + 2.0 * _norm(seen) * stray / (1.0 - stray), np.inf)
+        left = bound > (1.0 + TOLERANCE) * best
+        begin, end, first, last = begin[left], end[left], first[left], last[left]
+        middle = 0.5 * (begin + end)
+        between = loop(middle) if middle.size else first
+        begin, end = np.concatenate([begin, middle]), np.concatenate([middle, end])
+        first, last = np.concatenate([first, between]), np.concatenate([between, last])
+    return best, at
 
 
-def _lifted(turbine: Response, flaps: Response, centres: Indices, harmonics: int) -> Response:
-    """Moments answered to moments (nc, m, m), harmonic by harmonic, three components each, about each centre."""
-    count = 2 * harmonics + 1
-    orders = np.arange(-harmonics, harmonics + 1)
-    asked = np.zeros((centres.size, 2, 3 * count, 3 * count), dtype=complex)
-    for seen in range(orders[0] - 1, orders[-1] + 2):
-        # What the rotor sees at one frequency are components at three frequencies of the tower's frame.
-        row = seen - TURNS - orders[0]
-        kept = np.flatnonzero((row >= 0) & (row < count))
-        place = 3 * row[kept] + kept
-        one = _at(flaps, centres + seen * RESOLUTION).reshape(-1, 2, 3, 3)
-        asked[:, :, place[:, None], place] = one[:, :, kept[:, None], kept]
-    measured = np.empty((centres.size, 3 * count, 3 * count), dtype=complex)
-    for row, order in enumerate(orders):
-        here = slice(3 * row, 3 * row + 3)
-        answer = _at(turbine, centres + order * RESOLUTION)
-        measured[:, here] = answer[..., :3] @ asked[:, 0, here] + answer[..., 3:] @ asked[:, 1, here]
-    return measured
+def _difference(sensitivity: Response) -> Response:
+    """S - T from S."""
+    return np.asarray(2.0 * sensitivity - np.eye(sensitivity.shape[-1]))
 
 
-def _at(response: Response, index: Indices) -> Response:
-    """The response at indices of the grid; below zero, as signals are real, the conjugate with + and - exchanged."""
-    rows, columns = (np.arange(size).reshape(-1, 3)[:, [0, 2, 1]].ravel() for size in response.shape[1:])
-    mirrored = response[np.abs(index)].conj()[:, rows[:, None], columns]
-    return np.where((index < 0)[:, None, None], mirrored, response[np.abs(index)])
+def _norm(matrices: Response) -> Array:
+    return np.asarray(np.linalg.norm(matrices, ord=2, axis=(1, 2)))

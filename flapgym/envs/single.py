@@ -120,7 +120,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | keyword | default | meaning |
     |---|---|---|
-    | `model` | `"nrel5mw-rated"` | name of a shipped model, or a model file of `flapgym build` |
+    | `model` | `"nrel5mw-corrected"` | name of a shipped model, or a model file of `flapgym build` |
     | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
     | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air; `FlapVectorEnv` takes several |
     | `length_scale` | 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
@@ -164,7 +164,9 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Version History
 
-    - v0: first version.
+    - v1: the turbine as published and held to OpenFAST, model `nrel5mw-corrected`: beam and lattice joined at the pitch
+      axis by station, sections' own lift slope, drag and moment, all linear terms of the loads, a wake that moves.
+    - v0: the turbine as the paper reads it, model `nrel5mw-rated`. Its ids stay, with `-v0`.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 (Gymnasium's form)

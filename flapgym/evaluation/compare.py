@@ -9,9 +9,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from tqdm import tqdm
 
-from flapgym.aeroelastic.model import TurbineModel, load_model
+from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.agent import check_time_step
+from flapgym.control.growth import Growth, agent_growth
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.report import writable_folder, write_report
@@ -77,6 +78,9 @@ class Comparison:
         By agent name, open loop first.
     records : dict of str to Record
         Blade signals of the first realisation, by agent name.
+    growths : dict of str to Growth
+        What grows in the linear loop, by name of those agents in whose loop something does; the stops, left out there,
+        bound it in the scores.
     model_name, model_hash : str
     realisations : int
     seed : int
@@ -89,6 +93,7 @@ class Comparison:
 
     scores: dict[str, Score]
     records: dict[str, Record]
+    growths: dict[str, Growth]
     model_name: str
     model_hash: str
     realisations: int
@@ -120,7 +125,7 @@ class Plan:
 
 def plan(
     agents: Sequence[str | os.PathLike[str] | Agent] = AGENT_NAMES,
-    model: TurbineModel | str | os.PathLike[str] = "nrel5mw-rated",
+    model: TurbineModel | str | os.PathLike[str] = DEFAULT_MODEL,
     realisations: int = PAPER_REALISATIONS,
     seed: int = SCORED_SEED,
     duration: float | None = None,
@@ -154,9 +159,11 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
             bar.set_description(agent.name)
             metrics[agent.name], records[agent.name] = _run(agent, model, seeds, duration, bar)
     _require_one_wind(records)
+    growths = {agent.name: agent_growth(agent, model) for agent in comparison.agents}
     return Comparison(
         scores={agent.name: _score(agent, model, metrics) for agent in comparison.agents},
         records=records,
+        growths={name: grows for name, grows in growths.items() if grows is not None},
         model_name=model.name,
         model_hash=model.hash,
         realisations=len(seeds),
@@ -168,7 +175,7 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
 
 def compare(
     agents: Sequence[str | os.PathLike[str] | Agent] = AGENT_NAMES,
-    model: TurbineModel | str | os.PathLike[str] = "nrel5mw-rated",
+    model: TurbineModel | str | os.PathLike[str] = DEFAULT_MODEL,
     realisations: int = PAPER_REALISATIONS,
     seed: int = SCORED_SEED,
     duration: float | None = None,

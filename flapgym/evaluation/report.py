@@ -62,8 +62,18 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "realisations": comparison.realisations,
         "seed": comparison.seed,
         "duration": comparison.duration,
-        "agents": {name: asdict(score) for name, score in comparison.scores.items()},
+        "agents": {
+            name: asdict(score) | _growth(comparison, name) for name, score in comparison.scores.items()
+        },
     }
+
+
+def _growth(comparison: Comparison, name: str) -> dict[str, float | None]:
+    """Frequency [Hz] and doubling time [s] of what grows in an agent's linear loop; None where nothing does."""
+    grows = comparison.growths.get(name)
+    values = (np.nan, np.nan) if grows is None else (grows.frequency, grows.doubling_time)
+    names = ("growth_frequency", "doubling_time")
+    return {key: value if np.isfinite(value) else None for key, value in zip(names, values, strict=True)}
 
 
 def as_csv(comparison: Comparison) -> str:
@@ -76,7 +86,7 @@ def as_csv(comparison: Comparison) -> str:
                 row |= {f"{field}_{key}": entry for key, entry in value.items()}
             else:
                 row[field] = value
-        rows.append(row)
+        rows.append(row | _growth(comparison, name))
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()
@@ -148,6 +158,8 @@ def _remarks(comparison: Comparison) -> list[str]:
         remarks.append(f"Intervals from {comparison.realisations} realisations are indicative.")
     if any(not score.made_for_this_model for score in comparison.scores.values()):
         remarks.append("* made for another model than this one.")
+    for name, grows in comparison.growths.items():
+        remarks.append(f"{name}: its linear loop {grows}; here the stops bound it.")
     if not figure_is_possible():
         remarks.append("No figure: matplotlib is not installed (pip install 'flapgym[baselines]').")
     return remarks

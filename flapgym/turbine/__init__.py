@@ -1,14 +1,25 @@
 """The machine and the case: frozen data read from TOML files with units, refused where they are not understood."""
 
-from flapgym.turbine.case import Blades, Case, Discretisation, Flap, OperatingPoint, Reduction, Turbulence
-from flapgym.turbine.files import BUILT_IN, load_case, load_turbine
+from flapgym.turbine.case import (
+    Airloads,
+    Blades,
+    Case,
+    Discretisation,
+    Flap,
+    OperatingPoint,
+    Reduction,
+    Turbulence,
+)
+from flapgym.turbine.files import BUILT_IN, DEFAULT_CASE, load_case, load_turbine
 from flapgym.turbine.machine import (
     Airfoil,
     BladeSections,
     Drivetrain,
     Hub,
     Nacelle,
+    PitchAxis,
     Planform,
+    Polar,
     Rotor,
     TowerSections,
     Turbine,
@@ -16,7 +27,9 @@ from flapgym.turbine.machine import (
 
 __all__ = [
     "BUILT_IN",
+    "DEFAULT_CASE",
     "Airfoil",
+    "Airloads",
     "BladeSections",
     "Blades",
     "Case",
@@ -26,7 +39,9 @@ __all__ = [
     "Hub",
     "Nacelle",
     "OperatingPoint",
+    "PitchAxis",
     "Planform",
+    "Polar",
     "Reduction",
     "Rotor",
     "TowerSections",

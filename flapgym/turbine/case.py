@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields
+from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain
 from flapgym.turbine.machine import Turbine
 from flapgym.turbine.units import DEGREE
 from flapgym.wording import number
@@ -83,6 +84,52 @@ class Discretisation:
                 f"discretisation.first_lattice_node: expected less than discretisation.blade_elements "
                 f"({self.blade_elements}), got {self.first_lattice_node}"
             )
+
+
+@dataclass(frozen=True)
+class Airloads:
+    """How the lattice is laid on the blade, and what its loads take in.
+
+    Attributes
+    ----------
+    elastic_axis : float or "published"
+        Where the beam's axis crosses the chords, from the leading edge over the chord: "published" for the turbine's
+        own pitch axis by station, or one fraction for the whole blade.
+    lift_slope : "thin aerofoil" or "sections"
+        Whether the strips have the lift slope of a flat plate in the perturbations, or those listed with the polars. In
+        the mean load they have the flat plate's, from the polars' angles without lift.
+    profile : "none" or "mean"
+        Whether the sections' drag and pitching moment about their aerodynamic centres enter the mean load. The
+        perturbations leave them out either way.
+    mean_wake : float or "perturbations"
+        Length of the wake behind the mean load, in rotor diameters; "perturbations" for the lattice's own wake.
+    mean_induction : float or "momentum"
+        Axial induction that slows that wake: a factor, or the one that momentum theory finds for its own thrust.
+    linearisation : "mean flow" or "full"
+        Forces of the perturbed circulation in the mean flow, as in the paper, or also those of the mean
+        circulation in the perturbed flow.
+    slow_wake : "frozen" or "moving"
+        Whether slow wind and flaps meet the lattice's own wake, a fixed helix, alone, or what a long wake that moves
+        with the wind adds to it: a collective state each.
+    """
+
+    elastic_axis: Annotated[
+        float | Literal["published"], Quantity("number", words=("published",), at_least=0.0, at_most=1.0)
+    ]
+    lift_slope: Annotated[Literal["thin aerofoil", "sections"], Choice(("thin aerofoil", "sections"))]
+    profile: Annotated[Literal["none", "mean"], Choice(("none", "mean"))]
+    mean_wake: Annotated[
+        float | Literal["perturbations"],
+        Quantity("length in rotor diameters", words=("perturbations",), above=0.0, at_most=10.0),
+    ]
+    mean_induction: Annotated[
+        float | Literal["momentum"], Quantity("number", words=("momentum",), at_least=0.0, below=0.5)
+    ]
+    linearisation: Annotated[Literal["mean flow", "full"], Choice(("mean flow", "full"))]
+    slow_wake: Annotated[Literal["frozen", "moving"], Choice(("frozen", "moving"))]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "airloads")
 
 
 @dataclass(frozen=True)
@@ -196,6 +243,7 @@ class Case:
     turbine: Turbine
     operating_point: OperatingPoint
     discretisation: Discretisation
+    airloads: Airloads
     flap: Flap
     reduction: Reduction
     turbulence: Turbulence
@@ -293,6 +341,11 @@ class Case:
     def to_dict(self) -> dict[str, Any]:
         """Return every value of the case and its turbine as nested dictionaries, lists and numbers, in SI."""
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Case:
+        """Make the case again that `to_dict` wrote, such as the one a model file holds; raises ValueError."""
+        return from_plain(cls, values)
 
     def hash(self) -> str:
         """SHA-256 (hexadecimal) over every value of the case and its turbine but their two names."""

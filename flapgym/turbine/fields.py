@@ -297,6 +297,28 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
     return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
 
 
+def from_plain(cls: type[T], values: Mapping[str, Any], section: str = "") -> T:
+    """Make a data class of the nested dictionaries, lists and SI numbers that its fields were written as.
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown or missing, or a value out of range; the message names it.
+    """
+    specs = specification(cls)
+    check_keys(values, specs, section)
+    return cls(**{key: _plain_value(spec, values[key], _dotted(section, key)) for key, spec in specs.items()})
+
+
+def _plain_value(spec: Any, value: Any, name: str) -> Any:
+    if hasattr(spec, "check"):
+        return value  # the class checks it
+    if is_dataclass(spec):
+        return from_plain(typing.cast(type, spec), value, name)
+    (item, _) = typing.get_args(spec)
+    return tuple(from_plain(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+
+
 def check_keys(table: Mapping[str, object], known: Iterable[str], section: str) -> None:
     """Refuse unknown and missing keys; the message names the nearest known key."""
     known = list(known)

@@ -22,7 +22,11 @@ from flapgym.wording import shown
 
 T = TypeVar("T")
 
-BUILT_IN = {"turbine": ("nrel5mw",), "case": ("nrel5mw-rated", "nrel5mw-heavy-blade")}
+DEFAULT_CASE = "nrel5mw-corrected"
+BUILT_IN = {
+    "turbine": ("nrel5mw",),
+    "case": (DEFAULT_CASE, "nrel5mw-corrected-heavy-blade", "nrel5mw-rated", "nrel5mw-heavy-blade"),
+}
 LONGEST_CHAIN = 10
 """Files that derive from each other, one after another."""
 
@@ -40,7 +44,7 @@ def load_turbine(name_or_path: str | os.PathLike[str] = "nrel5mw") -> Turbine:
     return _load(Turbine, _find(name_or_path, "turbine", Path()), "turbine")
 
 
-def load_case(name_or_path: str | os.PathLike[str] = "nrel5mw-rated") -> Case:
+def load_case(name_or_path: str | os.PathLike[str] = DEFAULT_CASE) -> Case:
     """Read a case by its built-in name or from a TOML file; raises as `load_turbine`."""
     return _load(Case, _find(name_or_path, "case", Path()), "case")
 

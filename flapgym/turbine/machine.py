@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Annotated
 
+import numpy as np
+
 from flapgym.turbine.fields import Array, Column, Count, Quantity, Text, TextColumn, check_fields
 from flapgym.turbine.units import DEGREE
 
@@ -203,9 +205,53 @@ class Planform:
         check_fields(self, "planform")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class PitchAxis:
+    """Where the pitch axis, which is the elastic axis too, crosses the chords of the blade; arrays (n,).
+
+    Attributes
+    ----------
+    radius : distance from the rotor apex along the blade [m]
+    chord_fraction : distance behind the leading edge over the chord
+    """
+
+    radius: _Station
+    chord_fraction: Annotated[Array, Column("number", at_least=0.0, at_most=1.0)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "pitch_axis")
+
+
+@dataclass(frozen=True, eq=False)
+class Polar:
+    """A section's published coefficients in attached flow; arrays (n,) over the angle of attack.
+
+    Attributes
+    ----------
+    angle : angle of attack [rad]
+    lift, drag : coefficients over the chord
+    moment : coefficient about the aerodynamic centre over the chord squared, positive nose up
+    """
+
+    angle: Annotated[Array, Column("angle", above=-90 * DEGREE, below=90 * DEGREE, increasing=True)]
+    lift: Annotated[Array, Column("number")]
+    drag: Annotated[Array, Column("number", at_least=0.0)]
+    moment: Annotated[Array, Column("number")]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "airfoils.polar")
+
+    def at(self, angle: Array) -> tuple[Array, Array]:
+        """Drag and moment at angles [rad]; beyond the table its last values."""
+        return (
+            np.interp(angle, self.angle, self.drag),
+            np.interp(angle, self.angle, self.moment),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Airfoil:
-    """An aerofoil's lift at small angles of attack.
+    """An aerofoil's lift at small angles of attack, and its polar.
 
     Attributes
     ----------
@@ -216,12 +262,17 @@ class Airfoil:
         The one the polar's file lists [rad].
     lift_slope : float
         Of that line [1/rad]; zero for a section that carries no lift.
+    normal_force_slope : float
+        The slope of the normal force in attached flow that the polar's file lists [1/rad].
+    polar : Polar
     """
 
     name: Annotated[str, Text()]
     zero_lift_angle_attached: _Angle
     zero_lift_angle_listed: _Angle
     lift_slope: Annotated[float, Quantity("slope", at_least=0.0)]
+    normal_force_slope: Annotated[float, Quantity("slope", at_least=0.0)]
+    polar: Polar
 
     def __post_init__(self) -> None:
         check_fields(self, "airfoils")
@@ -261,11 +312,12 @@ class Turbine:
     blade_sections_12: BladeSections
     tower: TowerSections
     planform: Planform
+    pitch_axis: PitchAxis
     airfoils: tuple[Airfoil, ...]
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for section in ("blade_sections_documented", "blade_sections_12", "planform"):
+        for section in ("blade_sections_documented", "blade_sections_12", "planform", "pitch_axis"):
             radius = getattr(self, section).radius
             ends = (self.rotor.hub_radius, self.rotor.radius)
             if not all(

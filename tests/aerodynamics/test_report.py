@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flapgym.aerodynamics import mean_loads
-from flapgym.aerodynamics.report import describe_aerodynamics, steady_gains
+from flapgym.aerodynamics import mean_loads, rigid_rotor, root_moment_load
+from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.cli import main
 
 
@@ -14,7 +14,7 @@ def text(case):
 
 
 def test_summary_holds_mean_loads_and_gains(text, case, rotor):
-    mean, gains = mean_loads(case, rotor), steady_gains(case, rotor)
+    mean, gains = mean_loads(case, rotor), rigid_rotor(case).steady(root_moment_load(rotor, case))[0]
     for figure in (
         f"{mean.thrust / 1e3:.1f} kN",
         f"{mean.torque / 1e3:.1f} kN m",

@@ -15,7 +15,7 @@ from flapgym.aerodynamics import (
     transfer_function,
 )
 from flapgym.aerodynamics.biot_savart import ring_velocity
-from flapgym.aerodynamics.lattice import rotation_about_x, wake_nodes
+from flapgym.aerodynamics.lattice import rotation_about_x, wake_ages, wake_nodes
 
 
 def beam_axis(aero):
@@ -50,7 +50,7 @@ def test_blade_meets_the_air_with_its_leading_edge(rotor, case):
 
 
 def test_wake_is_the_trace_of_the_trailing_edge_in_still_axes(rotor, case):
-    node = wake_nodes(rotor.lattice, rotor.inflow, rotor.time_step, 50)
+    node = wake_nodes(rotor.lattice, rotor.inflow, wake_ages(rotor.time_step, 50))
     time = 30.25 * rotor.time_step
     # Air that left the blade at -time, when the blade stood at azimuth -Omega time, seen from the blade now.
     still = rotor.lattice.trailing_edge @ rotation_about_x(-case.rotor_speed * time).T + [

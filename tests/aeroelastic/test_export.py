@@ -19,7 +19,7 @@ from flapgym.aeroelastic.export import (
     to_zpk,
 )
 
-MODEL = load_model()
+MODEL = load_model("nrel5mw-rated")
 BLADE = MODEL.blade
 FREQUENCY = np.geomspace(0.01, 20.0, 50)
 RADIANS = 2.0 * np.pi * FREQUENCY

@@ -9,7 +9,7 @@ from flapgym.aeroelastic.full import march_turbine
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 DT = CASE.discretisation.time_step
 STEPS = 600
 
@@ -24,7 +24,7 @@ def runs():
     flap, rate = np.outer(np.sin(2.0 * time), share), np.outer(2.0 * np.cos(2.0 * time), share)
     wind = np.sin(0.9 * time)[:, None]
     marched = march_turbine(parts, rotor, np.hstack([flap, rate, wind]), 0.3)
-    modelled = load_model().turbine.simulate(
+    modelled = load_model("nrel5mw-rated").turbine.simulate(
         np.hstack([to_components(flap, azimuth), to_components(rate, azimuth), wind])
     )
     blades = [to_blades(modelled[:, first : first + 3], azimuth) for first in (0, 3)]

@@ -13,6 +13,7 @@ from baselines.paper.scores import Trial
 from baselines.paper.trials import Condition, Outcome, outcome, trials_section
 from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.control import Weights, lqg_agent
+from flapgym.control.growth import Growth
 from flapgym.evaluation import Estimate, root_mean_square, simulate
 from flapgym.turbine import load_case
 from tests.synthetic import synthetic_model
@@ -51,7 +52,7 @@ def test_what_else_the_flaps_do_is_what_the_simulation_says_they_do():
 
 
 def test_variations_change_one_thing_each():
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     hashes = {
         case.hash(),
         unscaled_flap(case).hash(),
@@ -85,7 +86,7 @@ def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
 def test_an_unstable_loop_is_marked():
     change = Estimate(-0.1, -0.2, 0.0)
     section = trials_section(
-        {"heavy": {"pd": Outcome(change, change, 0.1, (3.85, 47.0))}}, Trial("trial", 2, 6.0)
+        {"heavy": {"pd": Outcome(change, change, 0.1, Growth(3.85, 47.0))}}, Trial("trial", 2, 6.0)
     )
     assert section.content[1].rows[0][1] == "-10.0 / -10.0*"
     assert section.content[3].rows == (("heavy", "pd", "3.85", "47"),)

@@ -4,30 +4,35 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from flapgym.control import Weights, closed_loop, design_model, stability, synthesise
 from flapgym.control.channels import BLADE
 from flapgym.control.closed_loop import _in_frame
-from flapgym.control.margins import DiskMargin, delay_margin, disk_margin, late_measurement
+from flapgym.control.margins import (
+    DiskMargin,
+    delay_margin,
+    disk_margin,
+    late_measurement,
+    sensitivity_difference,
+)
 from flapgym.state_space import StateSpace
+from tests.loops import NARROW, radius_at_worst, searched_peak, with_narrow_mode
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
 CONTROLLER = synthesise(design_model(MODEL), Weights(rbm=3.0))
 
 
-def test_no_control_bears_everything():
-    idle = StateSpace(
-        np.zeros((1, 1)),
-        np.zeros((1, 3)),
-        np.zeros((1, 1)),
-        np.zeros((1, 3)),
-        0.007,
-        BLADE.inputs,
-        BLADE.outputs,
-    )
-    margin = disk_margin(MODEL, idle)
+def _blade_gains(*gains):
+    """A controller of one blade without memory: gains on moment, angle and rate."""
+    empty = np.zeros((1, 1)), np.zeros((1, 3)), np.zeros((1, 1))
+    return StateSpace(*empty, np.array([gains]), MODEL.time_step, BLADE.inputs, BLADE.outputs)
+
+
+def test_a_flap_that_is_held_and_answers_no_moment_bears_everything():
+    margin = disk_margin(MODEL, _blade_gains(0.0, -400.0, -30.0))
     assert margin.alpha == pytest.approx(2.0)
     assert margin.gain == (0.0, np.inf)
     assert margin.phase == pytest.approx(np.pi / 2)
@@ -48,7 +53,7 @@ def test_the_loop_is_stable_for_every_gain_within_the_margin():
 
 def test_a_mode_far_narrower_than_the_grid_is_seen():
     """With a mode that hardly decays and hardly moves, the loop bears 1.35 times the flaps' effect and no more."""
-    model = replace(MODEL, turbine=_with_narrow_mode(MODEL.turbine))
+    model = replace(MODEL, turbine=with_narrow_mode(MODEL.turbine))
     bears = stability(model, CONTROLLER).effectiveness_margin
     assert bears == pytest.approx(1.35, abs=0.05)
     margin = disk_margin(model, CONTROLLER)
@@ -56,23 +61,31 @@ def test_a_mode_far_narrower_than_the_grid_is_seen():
     assert margin.frequency == pytest.approx(NARROW, abs=0.01)
 
 
-NARROW = 1.787
-"""Frequency of a mode between two of the grid [Hz]."""
-
-
-def _with_narrow_mode(turbine):
-    """Moved by the collective flap angle, seen in the collective moment; half a millihertz wide."""
-    pole = np.exp(2j * np.pi * NARROW * (1.0 + 1.4e-4j) * MODEL.time_step)
-    seen = 10.0 * np.exp(4.0j)
-    b, c = np.zeros((2, len(turbine.inputs))), np.zeros((len(turbine.outputs), 2))
-    b[0, turbine.inputs.index("flap_angle_0")] = 1.0
-    c[turbine.outputs.index("rbm_0")] = seen.real, seen.imag
-    return replace(
-        turbine,
-        A=block_diag(turbine.A, [[pole.real, -pole.imag], [pole.imag, pole.real]]),
-        B=np.vstack([turbine.B, b]),
-        C=np.hstack([turbine.C, c]),
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(
+    frequency=st.floats(0.3, 6.0),
+    damping=st.floats(-4.5, -2.5).map(lambda power: 10.0**power),
+    seen=st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 6.28)),
+)
+def test_the_margin_is_that_of_the_highest_peak_beside_any_mode_of_the_loop(frequency, damping, seen):
+    """Against gains read densely about every mode of the closed loop and climbed from there."""
+    size, phase = 4e4 * damping * frequency * seen[0], seen[1]
+    model = replace(
+        MODEL, turbine=with_narrow_mode(MODEL.turbine, frequency, damping, size * np.exp(1j * phase))
     )
+    loop = closed_loop(model, CONTROLLER)
+    margin = disk_margin(model, CONTROLLER)
+    if loop.spectral_radius() >= 1.0:
+        assert margin.alpha == 0.0
+        return
+    assert 0.0 < margin.alpha <= 2.0
+    difference = sensitivity_difference(loop)
+    poles = np.linalg.eigvals(difference.A)
+    poles = np.log(poles[poles.imag > 0.0])
+    poles = poles[-poles.real < 0.1 * np.abs(poles)]
+    near = (poles.imag[:, None] + poles.real[:, None] * np.linspace(-6.0, 6.0, 97)).ravel()
+    nodes = np.union1d(np.clip(near, 0.0, np.pi), np.linspace(0.0, np.pi, 700))
+    assert margin.alpha == pytest.approx(2.0 / searched_peak(difference, nodes), rel=3e-6)
 
 
 def test_the_margin_is_the_same_seen_from_either_frame():
@@ -117,6 +130,44 @@ def test_a_delay_in_the_blades_is_the_same_delay_in_multi_blade_coordinates():
         rtol=1e-8,
         atol=1e-9,
     )
+
+
+def test_an_unstable_loop_has_no_margin_of_any_kind():
+    wild = _blade_gains(2e-4, -400.0, -30.0)
+    loop = closed_loop(MODEL, wild)
+    values = np.linalg.eigvals(loop.A)
+    fastest = values[np.abs(values).argmax()]
+    assert abs(fastest) > 1.001
+    margin = disk_margin(MODEL, wild)
+    assert margin.alpha == margin.phase == 0.0
+    assert margin.gain == (1.0, 1.0)
+    assert margin.frequency == pytest.approx(abs(np.angle(fastest)) / (2.0 * np.pi * MODEL.time_step))
+    assert delay_margin(MODEL, wild) == 0
+    assert stability(MODEL, wild).effectiveness_margin == 0.0
+
+
+def test_a_loop_that_only_a_delay_makes_stable_has_no_delay_margin():
+    """The phase in which a mode is seen is turned until it grows on time and decays a step late."""
+
+    def radius(model, delay):
+        return closed_loop(model, late_measurement(CONTROLLER, delay, model.rotor_speed)).spectral_radius()
+
+    for phase in np.linspace(0.0, 2.0 * np.pi, 200):
+        model = replace(
+            MODEL, turbine=with_narrow_mode(MODEL.turbine, seen=20.0 * np.exp(1j * phase), damping=1e-5)
+        )
+        if radius(model, 0) >= 1.0 > radius(model, 1):
+            break
+    else:
+        pytest.fail("no phase found")
+    assert delay_margin(model, CONTROLLER) == 0
+
+
+def test_the_worst_matrix_within_the_margin_is_borne_and_a_little_more_makes_the_loop_grow():
+    fierce = synthesise(design_model(MODEL), Weights(rbm=1e3, acceleration=1e-4))
+    margin = disk_margin(MODEL, fierce)
+    inside, outside = (radius_at_worst(MODEL, fierce, margin, share) for share in (0.99, 1.01))
+    assert inside < 1.0 < outside
 
 
 def test_the_delay_margin_is_where_stability_ends():

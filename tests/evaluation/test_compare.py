@@ -11,7 +11,7 @@ import pytest
 
 from flapgym.aeroelastic.model import load_model, save_model
 from flapgym.control import OpenLoop, PDGains, Policy, Weights, lqg_agent, pd_agent, save_agent
-from flapgym.control.closed_loop import with_effectiveness
+from flapgym.control.closed_loop import closed_loop, with_effectiveness
 from flapgym.evaluation import SCORED_SEED, as_text, compare, measure, plan, simulate
 from tests.synthetic import synthetic_model
 
@@ -107,6 +107,30 @@ def test_an_agent_of_another_model_is_marked(results):
     assert not results[0].scores["policy"].made_for_this_model
     assert "policy *" in as_text(results[0])
     assert "* made for another model" in (results[1] / "compare.md").read_text()
+
+
+def test_an_agent_whose_linear_loop_grows_is_marked_with_frequency_and_doubling_time(tmp_path):
+    """Doubling by the eigenvalue itself: n steps of it make a factor of two."""
+    strong = replace(MODEL, turbine=with_effectiveness(MODEL.turbine, 10.0))
+    wild = lqg_agent("wild", MODEL, Weights(30.0))
+    held = pd_agent("held", MODEL, PDGains(1e-12, 0.1, 0.1, 9.0, 0.8))
+    comparison = compare([wild, held, _policy()], strong, realisations=1, duration=5.0, output=tmp_path)
+    values = np.linalg.eigvals(closed_loop(strong, wild.system).A)
+    fastest = values[np.abs(values).argmax()]
+    assert abs(fastest) > 1.0
+    frequency = abs(np.angle(fastest)) / (2.0 * np.pi * MODEL.time_step)
+    agents = json.loads((tmp_path / "compare.json").read_text())["agents"]
+    assert agents["wild"]["growth_frequency"] == pytest.approx(frequency)
+    assert abs(fastest) ** (agents["wild"]["doubling_time"] / MODEL.time_step) == pytest.approx(2.0)
+    for name in ("open_loop", "held", "policy"):
+        assert agents[name]["growth_frequency"] is agents[name]["doubling_time"] is None
+    rows = {row["agent"]: row for row in csv.DictReader((tmp_path / "compare.csv").read_text().splitlines())}
+    assert float(rows["wild"]["doubling_time"]) == agents["wild"]["doubling_time"]
+    assert rows["held"]["doubling_time"] == ""
+    line = f"wild: its linear loop grows at {frequency:.2f} Hz, doubling in {agents['wild']['doubling_time']:.3g} s"
+    for text in (as_text(comparison), (tmp_path / "compare.md").read_text()):
+        assert line in text
+        assert "held: its linear loop" not in text
 
 
 def test_agents_of_different_intervals_meet_the_same_wind():

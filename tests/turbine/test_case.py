@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 
-from flapgym.turbine import load_case
+from flapgym.turbine import Case, load_case
 
 RATED = load_case("nrel5mw-rated")
 
@@ -112,6 +112,31 @@ def test_to_dict_is_plain_json_with_every_number_of_the_tables():
     assert {len(column) for column in plain["turbine"]["blade_sections_documented"].values()} == {49}
     assert {len(column) for column in plain["turbine"]["tower"].values()} == {11}
     assert plain["flap"]["angle_limit"] == RATED.flap.angle_limit
+
+
+@pytest.mark.parametrize("name", ["nrel5mw-rated", "nrel5mw-heavy-blade"])
+def test_a_case_comes_back_from_what_it_was_written_as(name):
+    case = load_case(name)
+    again = Case.from_dict(json.loads(json.dumps(case.to_dict())))
+    assert again.to_dict() == case.to_dict()
+    assert again.hash() == case.hash()
+    assert again.rotor_speed == case.rotor_speed
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda plain: plain["flap"].pop("angle_limit"), "flap.angle_limit: missing"),
+        (lambda plain: plain["flap"].update(colour=1.0), "flap.colour: unknown key"),
+        (lambda plain: plain["flap"].update(angle_limit=7.0), "flap.angle_limit: expected"),
+        (lambda plain: plain["turbine"]["airfoils"][0].pop("name"), "turbine.airfoils[0].name: missing"),
+    ],
+)
+def test_what_a_case_was_not_written_as_is_refused(change, said):
+    plain = RATED.to_dict()
+    change(plain)
+    with pytest.raises(ValueError, match=re.escape(said)):
+        Case.from_dict(plain)
 
 
 def nudged(value, path):

@@ -1,0 +1,1 @@
+"""The turbine model beside OpenFAST on the same turbine, wind and rotor speed (docs/validation.md)."""

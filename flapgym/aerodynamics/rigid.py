@@ -1,0 +1,103 @@
+"""The rigid, undeflected rotor of a case: its mean state and its answer to gust and flaps alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flapgym.aerodynamics.downwash import flap_downwash, gust_downwash
+from flapgym.aerodynamics.linearisation import (
+    MeanFlow,
+    SegmentMotion,
+    cambered,
+    full_loads,
+    gust_past_segments,
+)
+from flapgym.aerodynamics.loads import FullLoads
+from flapgym.aerodynamics.model import Aerodynamics
+from flapgym.aerodynamics.response import collective_response, steady_response, transfer_function
+from flapgym.aerodynamics.rotor import build_aerodynamics, build_mean_aerodynamics
+from flapgym.aerodynamics.steady import MeanLoads, mean_loads, momentum_induction
+from flapgym.turbine import Case
+
+Array = NDArray[np.float64]
+
+SETTLED = 1e-8
+"""Change of the induction between two rounds that counts as none."""
+
+
+@dataclass(frozen=True, eq=False)
+class RigidRotor:
+    """A case's rotor of straight blades, or one such blade alone, about its mean state.
+
+    Attributes
+    ----------
+    aero : Aerodynamics
+        The perturbations' lattice.
+    flow : MeanFlow
+        The mean state, with the wake the case asks for behind it.
+    downwash : (n, 2) float
+        Per m/s of homogeneous gust and per radian of flap [m/s].
+    motion : SegmentMotion or None
+        How the two move the air past the bound segments, where the case's loads take that in.
+    """
+
+    aero: Aerodynamics
+    flow: MeanFlow
+    downwash: Array
+    motion: SegmentMotion | None
+
+    @property
+    def loads(self) -> MeanLoads:
+        """Mean loads."""
+        return self.flow.loads
+
+    def full(self, load: Array) -> FullLoads | None:
+        """What the mean circulation adds to loads (ny, 3 P)."""
+        return None if self.motion is None else full_loads(self.aero, self.flow, self.motion, load)
+
+    def steady(self, load: Array) -> Array:
+        """Steady loads (ny, 2) per m/s of gust and per radian of flap."""
+        return steady_response(self.aero, self.downwash, load, self.full(load))
+
+    def step(self, duration: float, load: Array) -> Array:
+        """Loads (T, ny) in time after a step of one m/s, the flaps at rest; duration [s]."""
+        signal = np.zeros((round(duration / self.aero.time_step), 2))
+        signal[:, 0] = 1.0
+        return collective_response(self.aero, signal, self.downwash, load, self.full(load))
+
+    def response(self, component: int, z: ArrayLike, load: Array) -> NDArray[np.complex128]:
+        """Loads (nz, ny, 2) of a cyclic component in the z-domain."""
+        return transfer_function(self.aero, component, z, self.downwash, load, self.full(load))
+
+
+def rigid_rotor(case: Case, blades: int = 3) -> RigidRotor:
+    """The rigid rotor of a case, or with one blade that blade turning alone."""
+    aero = build_aerodynamics(case, blades)
+    flow = _rigid_flow(case, aero, blades)
+    full = case.airloads.linearisation == "full"
+    seen = cambered(aero, flow.loads.zero_lift_angle) if full else aero
+    downwash = np.column_stack([gust_downwash(seen).sum(axis=1), flap_downwash(aero, case.flap)[0]])
+    motion = None
+    if full:
+        gust = gust_past_segments(aero).sum(axis=2, keepdims=True)
+        velocity = np.concatenate([gust, np.zeros_like(gust)], axis=2)
+        motion = SegmentMotion(velocity, np.zeros_like(velocity))
+    return RigidRotor(aero, flow, downwash, motion)
+
+
+def _rigid_flow(case: Case, aero: Aerodynamics, blades: int) -> MeanFlow:
+    chosen = case.airloads.mean_induction
+    if case.airloads.mean_wake == "perturbations":
+        return MeanFlow(aero, mean_loads(case, aero))
+    induction = 0.0 if chosen == "momentum" else chosen
+    while True:
+        mean = build_mean_aerodynamics(case, induction, blades)
+        loads = mean_loads(case, mean)
+        before = induction
+        if chosen == "momentum":
+            induction = momentum_induction(loads.thrust_coefficient)
+        if abs(induction - before) < SETTLED:
+            return MeanFlow(mean, loads)

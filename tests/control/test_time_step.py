@@ -23,6 +23,7 @@ from flapgym.control import (
 from flapgym.control.channels import ROTOR
 from flapgym.control.margins import delay_margin, disk_margin
 from flapgym.control.periodic import periodic_disk_margin
+from flapgym.envs.registration import TURBINE_ID
 from flapgym.envs.wrappers import Residual
 from flapgym.evaluation import compare, simulate
 from flapgym.reduction import balance, relative_error
@@ -62,7 +63,7 @@ MEETINGS = {
     "compare": lambda folder: compare([LABELLED], MODEL, realisations=1, duration=5.0),
     "simulate": lambda folder: simulate(LABELLED, MODEL, [1], 5.0),
     "Residual": lambda folder: Residual(
-        gymnasium.make("flapgym/NREL5MW-v0", model=MODEL, observe=AGENT.observe, steps_per_action=1), LABELLED
+        gymnasium.make(TURBINE_ID, model=MODEL, observe=AGENT.observe, steps_per_action=1), LABELLED
     ),
     "series": lambda folder: series(WIND, MODEL.blade.select(["wind"])),
     "balance": lambda folder: balance(MODEL.blade.select(["wind"]), WIND),

@@ -42,7 +42,8 @@ from flapgym.atomic import write_together
 from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.channels import ROTOR
 from flapgym.evaluation import Record, measure, writable_folder
-from flapgym.evaluation.compare import PAPER_LENGTH, PAPER_REALISATIONS
+from flapgym.evaluation.compare import MOST_REALISATIONS, PAPER_LENGTH, PAPER_REALISATIONS
+from flapgym.program import Parser, Work, run, whole
 from flapgym.state_space import Array, StateSpace
 from flapgym.turbine import load_case
 
@@ -277,17 +278,19 @@ def parameters(model: TurbineModel) -> Section:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program; return the exit code: 0, or 2 for bad input."""
-    options = _parser().parse_args(arguments)
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
     names = options.parts or [name for name in PARTS if not (options.quick and name in LONG)]
-    try:
-        unknown = [name for name in names if name not in PARTS]
-        if unknown:
-            raise ValueError(f"{unknown[0]}: unknown part; expected some of {', '.join(PARTS)}")
-        if options.realisations < 2:
-            raise ValueError(f"realisations: expected at least 2, got {options.realisations}")
-        model, output = load_model(options.model), writable_folder(options.output, ("paper.md", "paper.html"))
-        folder = writable_folder(output / "paper")
+    unknown = [name for name in names if name not in PARTS]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: unknown part; expected some of {', '.join(PARTS)}")
+    model, output = load_model(options.model), writable_folder(options.output, ("paper.md", "paper.html"))
+    folder = writable_folder(output / "paper")
+
+    def work() -> int:
         with tqdm(total=len(names), unit=" parts") as bar:
             study = Study(model, folder, options.realisations, options.quick, bar)
             sections = []
@@ -295,35 +298,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 bar.set_description(name)
                 sections.append(PARTS[name](study))
                 bar.update()
-    except (ValueError, OSError, ImportError) as error:
-        print(f"baselines.paper: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(
-            "baselines.paper: interrupted; what is finished is kept, run it again to go on", file=sys.stderr
+        glance = [summary(sections)] if any(section.verdict for section in sections) else []
+        sections = [*glance, parameters(model), *sections]
+        write_together(
+            {
+                output / "paper.md": as_markdown(TITLE, sections, output).encode(),
+                output / "paper.html": as_html(TITLE, sections).encode(),
+            }
         )
-        return 130
-    glance = [summary(sections)] if any(section.verdict for section in sections) else []
-    sections = [*glance, parameters(model), *sections]
-    write_together(
-        {
-            output / "paper.md": as_markdown(TITLE, sections, output).encode(),
-            output / "paper.html": as_html(TITLE, sections).encode(),
-        }
-    )
-    print(f"wrote {output / 'paper.md'} and {output / 'paper.html'}")
-    return 0
+        print(f"wrote {output / 'paper.md'} and {output / 'paper.html'}")
+        return 0
+
+    return work
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m baselines.paper", description=(__doc__ or "").splitlines()[0]
+    parser = Parser(prog="python -m baselines.paper", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(
+        door=_door, program="baselines.paper", kept="what is finished is kept, run it again to go on"
     )
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)} (default: all)")
     parser.add_argument("--model", default="nrel5mw-rated", help="a model's name or file")
     parser.add_argument(
         "--realisations",
-        type=int,
+        type=whole(2, MOST_REALISATIONS),
         default=REALISATIONS,
         help="scored realisations (default: %(default)s; paper: 5)",
     )

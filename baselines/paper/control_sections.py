@@ -100,8 +100,9 @@ def gust_alleviation(
     return Section(
         "Section IV.C: gust load alleviation",
         (
-            f"Change against open loop on the same {realisations} realisations of {duration:.0f} s (20 L/U), mean over "
-            "blades and realisations, 95 % paired bootstrap interval. Each weight is raised until the flap just meets "
+            f"Change against open loop on the same {realisations} realisations of {duration:.0f} s (20 L/U), mean of "
+            "the ratios over blades and realisations, 95 % paired bootstrap interval. "
+            "Each weight is raised until the flap just meets "
             "10 deg or 100 deg/s on twenty other realisations (the paper's rule). Readings: rms about zero of the "
             f"perturbation; DEL with S-N slope 10 at 1 Hz; observers expect {100.0 * noise:g} % of measurement noise "
             "where the row does not say otherwise; the wind without its filter is white with the turbulence's variance "

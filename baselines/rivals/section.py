@@ -29,7 +29,8 @@ def rivals_section(study: Study) -> Section:
         "Rivals of the LQG, and the bound",
         (
             f"Change against open loop on the same {study.realisations} realisations of {study.duration:.0f} s, mean "
-            "over blades and realisations, 95 % paired bootstrap interval. Power is over that of the LQG whose flap "
+            "of the ratios over blades and realisations, 95 % paired bootstrap interval. "
+            "Power is over that of the LQG whose flap "
             "just meets its stop: to move the flap's inertia (mean modulus of rate times acceleration), and against a "
             "hinge moment in proportion to the angle (mean modulus of angle times rate).",
             Table(

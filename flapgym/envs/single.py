@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
@@ -23,13 +24,16 @@ from flapgym.envs.fleet import (
     seed_number,
     state_info,
     true_or_false,
+    whole_seed,
 )
 from flapgym.envs.observation import DISPLACEMENTS
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
+from flapgym.envs.spec import completed
 from flapgym.envs.step_info import FullInfo, StepInfo
 from flapgym.plant import layout
 from flapgym.plant.interface import FloatArray, Quick, told
+from flapgym.wording import shown
 
 # Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
 empty, ndarray, FLOAT32, ROW = np.empty, np.ndarray, np.dtype(np.float32), layout.ROW
@@ -95,7 +99,10 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Episode End
 
-    `truncated` after `duration`, rounded up to whole actions; `terminated` only if the state ceases to be finite.
+    `truncated` after `duration`, rounded up to whole actions; `terminated` only if the state ceases to be finite. The
+    number of actions stands in `env.spec.max_episode_steps`, for wrappers that tell the time. An environment made again
+    from a specification, `gymnasium.make(env.spec)`, has Gymnasium's own counter around it: it ends there whatever
+    `duration` it is given, and planners that set states take `env.unwrapped`.
 
     ## Information
 
@@ -166,12 +173,15 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 (Gymnasium's form)
 
     single_blade = False
+    _spec: EnvSpec | None = None
 
     def __init__(self, render_mode: str | None = None, **keywords: Any) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {render_mode!r}')
+        if render_mode is not None and (
+            not isinstance(render_mode, str) or render_mode not in self.metadata["render_modes"]
+        ):
+            raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {shown(render_mode)}')
         self.render_mode = render_mode
-        self.settings = Settings.of(keywords)
+        self.settings = Settings.of(keywords, type(self).__name__)
         self._fleet = Fleet(self.settings, 1, self.single_blade, self.settings.full_info)
         self.observation_space = self._fleet.observation_space
         self.action_space = self._fleet.action_space
@@ -192,13 +202,23 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """The turbine model behind the environment."""
         return self._fleet.model
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What makes such an environment again, with the number of actions of an episode."""
+        return completed(self._spec, self._fleet.setup.intervals)
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Info]:
         """Begin an episode; see Starting State for the options."""
         turbine = np.zeros(1, dtype=np.int64)
+        given = None if seed is None else whole_seed(seed)
         chosen = self._fleet.chosen(turbine, options)  # before the seed, which a refused reset must not take
-        super().reset(seed=seed)
+        super().reset(seed=given)
         observation, rows = self._fleet.begin(turbine, [self.np_random], chosen)
         self._running = True
         info: Info = {

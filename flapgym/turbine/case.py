@@ -13,6 +13,7 @@ import numpy as np
 from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain
 from flapgym.turbine.machine import Turbine
 from flapgym.turbine.units import DEGREE
+from flapgym.wording import number
 
 _Limit = 1000 * DEGREE
 
@@ -260,8 +261,9 @@ class Case:
         point, rated = self.operating_point, self.turbine.rated_wind_speed
         if point.wind_speed > rated and point.pitch == 0.0:
             raise ValueError(
-                f"operating_point.pitch: expected the blades pitched above rated wind ({rated:g} m/s), got 0 deg at a "
-                f"wind_speed of {point.wind_speed:g} m/s; give pitch and tip_speed_ratio for that wind, or less wind"
+                f"operating_point.pitch: expected the blades pitched above rated wind ({number(rated)} m/s), got "
+                f"0 deg at a wind_speed of {number(point.wind_speed)} m/s; give pitch and tip_speed_ratio for that "
+                "wind, or less wind"
             )
 
     def _check_structure(self) -> None:

@@ -196,6 +196,34 @@ class Column(_Bounded):
 
 
 @dataclass(frozen=True)
+class Numbers(_Bounded):
+    """One or more finite numbers in an array: none masked, none left out, no text."""
+
+    dimension: str = "number"
+    axes: int | None = None
+
+    def check(self, value: object, name: str) -> Array:
+        """Refuse an array with an entry that is no number of the range; return it as float."""
+        if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+            raise ValueError(f"{name}: expected every number, got a masked array; fill it or leave those out")
+        try:
+            found = np.asarray(value)
+        except ValueError:  # rows of different lengths
+            found = np.empty(0, dtype=object)
+        if found.dtype.kind not in "iuf":
+            raise ValueError(f"{name}: expected real numbers, got {shown(value)}")
+        if not found.size or self.axes not in (None, found.ndim):
+            axes = "" if self.axes is None else f" along {self.axes} {'axis' if self.axes == 1 else 'axes'}"
+            raise ValueError(f"{name}: expected one or more numbers{axes}, got shape {found.shape}")
+        numbers = found.astype(np.float64)
+        outside = ~self.holds(numbers)
+        if outside.any():
+            place, given = np.argwhere(outside)[0].tolist(), show(numbers[outside][0], self.dimension)
+            raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given} at {place}")
+        return numbers
+
+
+@dataclass(frozen=True)
 class TextColumn:
     """A column of texts over the stations of a table."""
 

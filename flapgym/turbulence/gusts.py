@@ -7,6 +7,7 @@ start. An environment takes one as a mapping of plain values in SI units, `{"kin
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, Protocol
@@ -14,7 +15,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from flapgym.state_space import Array
-from flapgym.turbulence.recording import read_wind
+from flapgym.turbulence.recording import WindSeries, read_wind
+from flapgym.wording import number, shown
 
 EXTREME_GUST_DURATION = 10.5
 """T of the extreme operating gust [s] (IEC 61400-1:2005, 6.3.2.2)."""
@@ -23,6 +25,8 @@ REFERENCE_SPEEDS = {"I": 50.0, "II": 42.5, "III": 37.5}
 REFERENCE_INTENSITIES = {"A": 0.16, "B": 0.14, "C": 0.12}
 """I_ref of the turbulence classes (the same table)."""
 
+ROUNDING = 1e-9
+"""Time [s] by which a recording may end early."""
 STRONGEST = 100.0
 """Largest perturbation [m/s]: no wind has more, and the model is linear."""
 LIMITS = {
@@ -128,7 +132,7 @@ class ExtremeOperatingGust:
         ):
             value = getattr(self, name)
             if not isinstance(value, str) or value not in known:
-                raise ValueError(f"gust.{name}: expected one of {', '.join(known)}, got {value!r}")
+                raise ValueError(f"gust.{name}: expected one of {', '.join(known)}, got {shown(value)}")
 
     def magnitude(self, mean: float) -> float:
         """V_gust [m/s] at a mean wind speed V_hub [m/s]."""
@@ -157,13 +161,31 @@ class Recorded:
         have been the value at that moment.
     """
 
-    file: str
+    file: str | os.PathLike[str]
     start: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.file, str):
-            raise ValueError(f"gust.file: expected the path of a CSV file as a text, got {self.file!r}")
+        if not isinstance(self.file, (str, os.PathLike)):
+            raise ValueError(f"gust.file: expected the path of a CSV file, got {shown(self.file)}")
+        object.__setattr__(self, "file", os.fspath(self.file))
         _check(self)
+
+    def lasts(self) -> float:
+        """Time [s] from the episode's start to the recording's end."""
+        series, begin = self._from_start()
+        return float(series.time[-1]) - begin
+
+    def _from_start(self) -> tuple[WindSeries, float]:
+        """The recording, and its moment at which the episode begins [s]."""
+        series = read_wind(self.file)
+        first, last = float(series.time[0]), float(series.time[-1])
+        begin = first if self.start is None else self.start
+        if not first <= begin < last:
+            raise ValueError(
+                f"gust.start: {self.file} holds {number(first)} to {number(last)} s; expected a moment in between, got "
+                f"{number(begin)} s"
+            )
+        return series, begin
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s].
@@ -173,21 +195,20 @@ class Recorded:
         ValueError
             If the recording begins later or ends earlier than it is asked for, or the file is unreadable.
         """
-        series = read_wind(self.file)
-        begin = float(series.time[0]) if self.start is None else self.start
+        series, begin = self._from_start()
         end = begin + float(np.max(time, initial=0.0))
-        if begin < series.time[0] or end > series.time[-1] + 1e-9:
+        if end > series.time[-1] + ROUNDING:
             raise ValueError(
-                f"gust.file: {self.file} holds {series.time[0]:g} to {series.time[-1]:g} s, the episode wants "
-                f"{begin:g} to {end:g} s; choose another start or a shorter duration"
+                f"gust.file: {self.file} lasts until {number(series.time[-1])} s, the episode until {number(end)} s; "
+                f"expected a duration of at most {number(self.lasts())} s, or an earlier start"
             )
         values = np.interp(begin + np.maximum(time, 0.0), series.time, series.wind)
         perturbation = np.asarray(values if series.perturbation else values - mean)
         largest = float(np.abs(perturbation).max(initial=0.0))
         if largest > STRONGEST:
             raise ValueError(
-                f"gust.file: {self.file}: expected perturbations within +-{STRONGEST:g} m/s, got {largest:g} "
-                "m/s; check the unit in its header"
+                f"gust.file: {self.file}: expected perturbations within +-{number(STRONGEST)} m/s, got "
+                f"{number(largest)} m/s; check the unit in its header"
             )
         return perturbation
 
@@ -212,11 +233,11 @@ def gust_of(given: Any) -> Gust:
     """
     if not isinstance(given, Mapping):
         raise ValueError(
-            f'gust: expected a mapping such as {{"kind": "step", "start": 2.0, "size": 1.0}}, got {given!r}'
+            f'gust: expected a mapping such as {{"kind": "step", "start": 2.0, "size": 1.0}}, got {shown(given)}'
         )
     kind = given.get("kind")
     if not isinstance(kind, str) or kind not in GUSTS:
-        raise ValueError(f"gust.kind: expected one of {', '.join(GUSTS)}, got {kind!r}")
+        raise ValueError(f"gust.kind: expected one of {', '.join(GUSTS)}, got {shown(kind)}")
     chosen = GUSTS[kind]
     known = {field.name: field.default is MISSING for field in fields(chosen)}
     entries = {name: value for name, value in given.items() if name != "kind"}
@@ -241,12 +262,13 @@ def _check(gust: Any) -> None:
     """Refuse numbers that are none, or beyond what they can sensibly be."""
     for field in fields(gust):
         value = getattr(gust, field.name)
-        if field.type == "str" or (value is None and field.default is None):
+        if field.name not in LIMITS or (value is None and field.default is None):
             continue
         lowest, highest, unit = LIMITS[field.name]
         if not is_number(value):
-            raise ValueError(f"gust.{field.name}: expected a finite number in SI units, got {value!r}")
+            raise ValueError(f"gust.{field.name}: expected a finite number in SI units, got {shown(value)}")
         if not lowest <= value <= highest:
             raise ValueError(
-                f"gust.{field.name}: expected a number from {lowest:g} to {highest:g} {unit}, got {value!r}"
+                f"gust.{field.name}: expected a number from {number(lowest)} to {number(highest)} {unit}, got "
+                f"{shown(value)}"
             )

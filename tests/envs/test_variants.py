@@ -200,7 +200,7 @@ def test_impossible_keywords_are_refused_by_name(keywords, message):
 def test_a_recording_that_ends_early_is_refused_before_the_first_episode(tmp_path):
     path = tmp_path / "wind.csv"
     path.write_text("time [s], wind [m/s]\n0, 12\n10, 12\n")
-    with pytest.raises(ValueError, match="the episode wants 0 to 20"):
+    with pytest.raises(ValueError, match=r"lasts 10 s .* at most 9\.975 s.* got 20 s"):
         _env(gust={"kind": "recorded", "file": str(path)})
 
 

@@ -106,8 +106,11 @@ def test_a_recording_may_start_later_and_holds_what_blew_before(tmp_path):
     path.write_text("time [s], wind_perturbation [m/s]\n10, 0\n20, 5\n")
     wind = _wind({"kind": "recorded", "file": str(path), "start": 12.0}, [-1.0, 0.0, 8.0])
     np.testing.assert_allclose(wind, [1.0, 1.0, 5.0])
-    for start in (9.0, 13.0):
-        with pytest.raises(ValueError, match="holds 10 to 20 s.*shorter duration"):
+    for start, message in (
+        (9.0, "holds 10 to 20 s.* got 9 s"),
+        (13.0, "until 20 s.* duration of at most 7 s"),
+    ):
+        with pytest.raises(ValueError, match=message):
             _wind({"kind": "recorded", "file": str(path), "start": start}, [0.0, 8.0])
 
 

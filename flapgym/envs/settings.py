@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel, load_model
+from flapgym.aeroelastic.nameplate import nameplate
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
+from flapgym.turbine import BUILT_IN, load_case
 from flapgym.turbulence import gust_of
-from flapgym.turbulence.gusts import is_number
+from flapgym.turbulence.gusts import ExtremeOperatingGust, is_number
 
 FRACTION = "a fraction of at least 0 and below 1 (0.10 is 10 %)"
 """What a turbulence intensity must be."""
@@ -38,8 +40,8 @@ class Settings:
 
     model: str | os.PathLike[str] | TurbineModel = "nrel5mw-rated"
     wind_speed: float | None = None
-    turbulence_intensity: float | Sequence[float] = 0.10
-    length_scale: float = 147.0
+    turbulence_intensity: float | Sequence[float] | None = None
+    length_scale: float | None = None
     gust: Mapping[str, Any] | None = None
     duration: float = 20.0
     measurement_noise: float = 0.0
@@ -67,15 +69,16 @@ class Settings:
                 raise ValueError(f"{name}: expected True or False, got {getattr(self, name)!r}")
         for name, (lowest, highest, unit) in LIMITS.items():
             value = getattr(self, name)
-            if value is None and name == "wind_speed":
-                continue
+            if value is None and name in ("wind_speed", "length_scale"):
+                continue  # the model's
             if not is_number(value):
                 raise ValueError(f"{name}: expected a finite number, got {value!r}")
             if not lowest <= value <= highest:
                 raise ValueError(
                     f"{name}: expected a number from {lowest:g} to {highest:g}{unit}, got {value!r}"
                 )
-        object.__setattr__(self, "turbulence_intensity", _checked_intensity(self.turbulence_intensity))
+        if self.turbulence_intensity is not None:
+            object.__setattr__(self, "turbulence_intensity", _checked_intensity(self.turbulence_intensity))
         steps = self.steps_per_action
         if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or not 1 <= steps <= 100:
             raise ValueError(f"steps_per_action: expected a whole number from 1 to 100, got {steps!r}")
@@ -127,7 +130,7 @@ class Settings:
             target = f"{model.name}-{self.wind_speed:g}mps"
             raise ValueError(
                 f"wind_speed: model {model.name} was built for {model.wind_speed:g} m/s, got {self.wind_speed:g} m/s; "
-                f'write {target}.toml with base = "nrel5mw-rated", name = "{target}" and in [operating_point] '
+                f'write {target}.toml with base = "{_base_of(model)}", name = "{target}" and in [operating_point] '
                 f'wind_speed = "{self.wind_speed:g} m/s" (above rated wind also pitch and tip_speed_ratio), then '
                 f"`flapgym build {target}.toml --output {target}.safetensors` and pass "
                 f'model="{target}.safetensors"'
@@ -165,14 +168,20 @@ class Settings:
         Raises
         ------
         ValueError
-            If the gust's recording does not last as long.
+            If the gust's recording does not last as long, or the gust wants the size of a turbine that the model's case
+            does not tell.
         """
         if self.gust is None:
             return None
         dt = model.time_step
         samples = self.intervals(dt) * self.steps_per_action + 1
         time = np.arange(-1, samples, dtype=np.float64) * dt
-        wind = gust_of(self.gust).wind(time, model.wind_speed)
+        gust = gust_of(self.gust)
+        if isinstance(gust, ExtremeOperatingGust):
+            plate = nameplate(model.case)
+            diameter = None if plate.rotor_radius is None else 2.0 * plate.rotor_radius
+            gust = gust.on_turbine(diameter, plate.hub_height)
+        wind = gust.wind(time, model.wind_speed)
         return GivenWind(wind[1:], float(wind[0]))
 
     def delay(self, time_step: float) -> int:
@@ -191,15 +200,16 @@ class Settings:
             )
         return steps
 
-    def intensities(self, count: int) -> NDArray[np.float64]:
-        """Turbulence intensity of each of `count` turbines.
+    def intensities(self, count: int, model: TurbineModel) -> NDArray[np.float64]:
+        """Turbulence intensity of each of `count` turbines; the model's own if none is given.
 
         Raises
         ------
         ValueError
             If there is neither one for all nor one for each.
         """
-        given = np.asarray(self.turbulence_intensity)
+        chosen = self.turbulence_intensity
+        given = np.asarray(model.turbulence_intensity if chosen is None else chosen)
         if given.shape not in ((), (count,)):
             raise ValueError(
                 f"turbulence_intensity: expected one number, or one for each of {count} environments, "
@@ -210,6 +220,13 @@ class Settings:
     def intervals(self, time_step: float) -> int:
         """Actions of an episode: the fewest that last `duration`."""
         return max(1, math.ceil(self.duration / (self.steps_per_action * time_step) - 1e-9))
+
+
+def _base_of(model: TurbineModel) -> str:
+    """What a case that differs from a model's in one thing takes as its base."""
+    if model.name in BUILT_IN["case"] and load_case(model.name).hash() == model.inputs_hash:
+        return model.name
+    return f"the case file that {model.name} was built from"
 
 
 def _three(name: str, values: object, optional: bool = False) -> tuple[Any, ...]:

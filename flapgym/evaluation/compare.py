@@ -10,6 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from flapgym.aeroelastic.model import TurbineModel, load_model
+from flapgym.aeroelastic.nameplate import Nameplate, nameplate
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.growth import Growth, agent_growth
 from flapgym.evaluation.bootstrap import Estimate, paired_change
@@ -72,6 +73,8 @@ class Comparison:
         What grows in the linear loop, by name of those agents in whose loop something does; the stops, left out there,
         bound it in the scores.
     model_name, model_hash : str
+    nameplate : Nameplate
+        Of the model's turbine.
     realisations : int
     seed : int
         Of the first realisation; the next have the next.
@@ -79,6 +82,8 @@ class Comparison:
         Of each realisation [s].
     rotor_speed : float
         [rad/s].
+    flap_angle_limit : float
+        [rad].
     """
 
     scores: dict[str, Score]
@@ -86,10 +91,12 @@ class Comparison:
     growths: dict[str, Growth]
     model_name: str
     model_hash: str
+    nameplate: Nameplate
     realisations: int
     seed: int
     duration: float
     rotor_speed: float
+    flap_angle_limit: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,10 +165,12 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
         growths={name: grows for name, grows in growths.items() if grows is not None},
         model_name=model.name,
         model_hash=model.hash,
+        nameplate=nameplate(model.case),
         realisations=len(seeds),
         seed=seeds[0],
         duration=duration,
         rotor_speed=model.rotor_speed,
+        flap_angle_limit=model.flap_angle_limit,
     )
 
 

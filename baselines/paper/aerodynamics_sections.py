@@ -47,6 +47,7 @@ def figure_8(case: Case, folder: Path, cache: Cache) -> Section:
         for (length, induction), loss in zip(WAKES, found["loss"], strict=True)
     )
     short, long = found["loss"]
+    turns = WAKES[0][0] * 2.0 * case.turbine.rotor.radius / case.operating_point.wind_speed * case.rotor_speed
     return Section(
         "Figure 8: load after an impulsive gust, full rotor against a single blade",
         (
@@ -55,7 +56,7 @@ def figure_8(case: Case, folder: Path, cache: Cache) -> Section:
             kept(folder / "figure8.svg", found["drawing"]),
             Table(("wake", "steady load, full over single [%]", "paper [%]", "difference [points]"), rows),
             f"With the wake length the paper states, a quarter of a diameter, we disagree: {short:+.1f} % instead of "
-            f"about {PAPER_LOSS:.0f} %. That wake is {0.25 * 126.0 / 11.0 * case.rotor_speed / (2 * np.pi):.2f} turns "
+            f"about {PAPER_LOSS:.0f} %. That wake is {turns / (2 * np.pi):.2f} turns "
             f"long, too short for a blade to meet its own. A wake of one diameter slowed by induction gives "
             f"{long:+.1f} %, with dips at each third of a turn as in the paper.",
         ),

@@ -16,7 +16,7 @@ from flapgym.state_space import Array, StateSpace
 
 Arrays = Mapping[str, Array]
 
-VERSION = 3
+VERSION = 4
 """Raised when what a part computes changes though its settings do not."""
 
 

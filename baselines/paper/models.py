@@ -7,7 +7,23 @@ from dataclasses import replace
 
 from flapgym.aeroelastic.cache import cached_model
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.turbine import Case
+from flapgym.turbine import Case, load_turbine
+
+
+def paper_case(model: TurbineModel) -> Case:
+    """The case a model was built from.
+
+    Raises
+    ------
+    ValueError
+        If this flapgym does not understand it, or if its turbine is not the paper's.
+    """
+    try:
+        case = Case.from_dict(model.case)
+    except ValueError as error:
+        raise ValueError(f"model {model.name}: {error} (in the case it holds; build it again)") from None
+    case.turbine.require(load_turbine("nrel5mw"))
+    return case
 
 
 def heavier(case: Case, factor: float) -> Case:

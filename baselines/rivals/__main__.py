@@ -18,11 +18,10 @@ from baselines.paper.document import as_html, as_markdown
 from baselines.rivals.section import rivals_section
 from baselines.rivals.study import Study
 from flapgym.aeroelastic.model import load_model
+from flapgym.aeroelastic.nameplate import nameplate
 from flapgym.atomic import write_atomically
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
-
-TITLE = "Rivals of the LQG on the NREL 5 MW turbine"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,8 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, OSError, ImportError) as error:
         print(f"baselines.rivals: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    write_atomically(folder / "rivals.md", as_markdown(TITLE, sections, folder).encode())
-    write_atomically(folder / "rivals.html", as_html(TITLE, sections).encode())
+    title = f"Rivals of the LQG on model {model.name} ({nameplate(model.case).size})"
+    write_atomically(folder / "rivals.md", as_markdown(title, sections, folder).encode())
+    write_atomically(folder / "rivals.html", as_html(title, sections).encode())
     print(f"wrote {folder / 'rivals.md'} and {folder / 'rivals.html'}")
     return 0
 

@@ -353,6 +353,14 @@ class Turbine:
             name for name in names if to_plain(getattr(self, name)) != to_plain(getattr(other, name))
         )
 
+    def require(self, expected: Turbine) -> None:
+        """Refuse, with a ValueError, to be another turbine than the expected one."""
+        differing = self.differing(expected)
+        if differing:
+            raise ValueError(
+                f"turbine: expected {expected.name}, got {self.name}, which differs in {', '.join(differing)}"
+            )
+
     def airfoil(self, name: str) -> Airfoil:
         """Return the aerofoil of that name."""
         return next(airfoil for airfoil in self.airfoils if airfoil.name == name)

@@ -14,6 +14,7 @@ from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.build import build_model
 from flapgym.envs import FlapEnv, FlapVectorEnv
 from flapgym.envs.rendering import HUB, REACH, Screen
+from flapgym.envs.servo import Servo
 from flapgym.evaluation import compare
 from flapgym.evaluation.report import as_json, as_markdown, as_text
 from flapgym.structure.mode_plot import plot_modes
@@ -288,3 +289,41 @@ def test_a_case_of_before_there_were_airloads_still_tells_turbine_and_size(model
     out = told(capsys, "info", tmp_path / "older.safetensors")
     assert "scaled15mw, rotor radius 120 m, hub height 171.4 m" in out
     assert "airloads         not told by the model's case" in out
+
+
+def test_a_sinusoid_the_model_s_samples_cannot_show_is_refused(model):
+    # 0.03 s times the factor: half the sampling frequency is 8.75 Hz, where the shipped model has 71 Hz.
+    with pytest.raises(ValueError, match=r"gust.frequency: expected at most 8.75 Hz.*, got 10 Hz"):
+        FlapEnv(model=model, gust={"kind": "sinusoid", "amplitude": 1.0, "frequency": 10.0})
+    FlapEnv(model=model, gust={"kind": "sinusoid", "amplitude": 1.0, "frequency": 8.7})
+
+
+@pytest.mark.parametrize("lag", [0.05, 0.2])
+def test_a_slow_flap_s_servo_crosses_both_stops_within_its_own_limits(lag):
+    # A way of 40 deg at 100 deg/s^2: poles of the shipped flap's servo would ask for ten times as much.
+    degree = np.pi / 180.0
+    servo = Servo(100.0 * degree, 30.0 * degree, 20.0 * degree, 0.03, lag)
+    angle, rate, acting = np.array([-20.0 * degree]), np.zeros(1), np.zeros(1)
+    target, angles, rates = -angle, [], []
+    for _ in range(600):
+        command = servo(angle, rate, acting, target)
+        for _ in range(30):  # finely: no sampling of the servo's own
+            acting = acting + (command - acting) * (1.0 - np.exp(-0.001 / lag))
+            rate = rate + 0.001 * acting
+            angle = angle + 0.001 * rate
+        angles.append(angle[0])
+        rates.append(rate[0])
+    assert angles[-1] == pytest.approx(target[0], abs=1e-3)
+    assert max(angles) < target[0] * 1.01
+    assert max(rates) < servo.rate_limit
+
+
+def test_a_learner_s_tip_is_scaled_by_its_own_size(model):
+    pytest.importorskip("stable_baselines3")
+    from train.scaling import observation_scale
+
+    small = build_model(small_case())
+    ours, theirs = (observation_scale(("rbm", "tip_deflection"), each) for each in (model, small))
+    np.testing.assert_allclose(ours, theirs / np.array([FACTOR**3, FACTOR]), rtol=5e-3)
+    wind = model.turbulence_intensity * model.wind_speed
+    assert 0.1 < ours[1] * wind * model.blade.dc_gain()[1, 2] < 10.0  # of order one

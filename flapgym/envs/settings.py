@@ -17,7 +17,7 @@ from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
 from flapgym.turbine import BUILT_IN, load_case
 from flapgym.turbulence import gust_of
-from flapgym.turbulence.gusts import ExtremeOperatingGust, is_number
+from flapgym.turbulence.gusts import ExtremeOperatingGust, Sinusoid, is_number
 
 FRACTION = "a fraction of at least 0 and below 1 (0.10 is 10 %)"
 """What a turbulence intensity must be."""
@@ -168,8 +168,8 @@ class Settings:
         Raises
         ------
         ValueError
-            If the gust's recording does not last as long, or the gust wants the size of a turbine that the model's case
-            does not tell.
+            If the gust's recording does not last as long, its frequency is above what the samples show, or it wants the
+            size of a turbine that the model's case does not tell.
         """
         if self.gust is None:
             return None
@@ -181,6 +181,8 @@ class Settings:
             plate = nameplate(model.case)
             diameter = None if plate.rotor_radius is None else 2.0 * plate.rotor_radius
             gust = gust.on_turbine(diameter, plate.hub_height)
+        elif isinstance(gust, Sinusoid):
+            gust.check_samples(dt)
         wind = gust.wind(time, model.wind_speed)
         return GivenWind(wind[1:], float(wind[0]))
 

@@ -148,12 +148,12 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `"extreme_operating_gust"` | classes, `start` | dip, peak and dip within 10.5 s |
     | `"recorded"` | `file`, `start` | a series from a CSV file |
 
-    `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz. The extreme operating
-    gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class` (`"I"` to `"III"`, default `"I"`) and
-    `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may `rotor_diameter` and `hub_height` [m] in
-    place of the turbine's own. A recording has the header `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about
-    the mean wind (also ms, min, h and km/h, kn), is linear between its samples and must last for the episode, which
-    begins at its moment `start`, by default its first.
+    `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz or half that of the
+    plant's steps. The extreme operating gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class`
+    (`"I"` to `"III"`, default `"I"`) and `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may
+    `rotor_diameter` and `hub_height` [m] in place of the turbine's own. A recording has the header
+    `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about the mean wind (also ms, min, h and km/h, kn), is linear
+    between its samples and must last for the episode, which begins at its moment `start`, by default its first.
 
     ## Version History
 

@@ -28,7 +28,7 @@ STRONGEST = 100.0
 LIMITS = {
     "size": (-STRONGEST, STRONGEST, "m/s"),
     "amplitude": (-STRONGEST, STRONGEST, "m/s"),
-    "frequency": (1e-6, 50.0, "Hz"),  # the plant's samples show no more than 71 Hz
+    "frequency": (1e-6, 50.0, "Hz"),  # the plant's samples may show less: `Sinusoid.check_samples`
     "duration": (1e-3, 1e6, "s"),
     "start": (-1e12, 1e12, "s"),  # recordings may count from 1970
     "rotor_diameter": (1.0, 1000.0, "m"),
@@ -89,6 +89,14 @@ class Sinusoid:
 
     def __post_init__(self) -> None:
         _check(self)
+
+    def check_samples(self, time_step: float) -> None:
+        """Refuse, with a ValueError, a frequency that samples a time step [s] apart would show as another one."""
+        if self.frequency > 0.5 / time_step:
+            raise ValueError(
+                f"gust.frequency: expected at most {0.5 / time_step:.4g} Hz, half the frequency of the model's time "
+                f"steps of {time_step:g} s, got {self.frequency:g} Hz"
+            )
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s]."""

@@ -43,7 +43,7 @@ def silent(model):
 @pytest.fixture
 def drawn(monkeypatch):
     """Figures as they were when saved."""
-    figures: list[Figure] = []
+    figures = []
     monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: figures.append(self))
     return figures
 

@@ -127,6 +127,7 @@ def turbine_figures(
 ) -> Section:
     """Figures 10, 11, 13 and 14."""
     study, judged = Study(case, "svg"), case.hash() == load_case(JUDGED).hash()
+    judgements: list[str] = []
     content: list[str | Table | Path] = [
         "Reading: 'stationary' is a joint frozen with blade 1 up while inflow and wake turn; magnitudes in dB of 1 m "
         "per m/s, the paper's in dB of a gust input whose scale it does not give, so shapes are compared, not levels."
@@ -147,12 +148,16 @@ def turbine_figures(
             kept(folder / f"{name}.svg", found["drawing"]),
             *printed,
             *([COMPARED[name](printed, model)] if name in COMPARED else []),
-            judgement
-            if judged
-            else f"Not judged: only the figure of {JUDGED} was looked at beside the paper's.",
         ]
-    title = "Figures 10, 11, 13 and 14: responses of the turbine"
-    return Section(title, tuple(content), VERDICT if judged else "")
+        judgements.append(f"Figure {name.removeprefix('figure')}. {judgement}")
+    if not judged:
+        judgements = [f"Not judged: only the figures of {JUDGED} were looked at beside the paper's."]
+    return Section(
+        "Figures 10, 11, 13 and 14: responses of the turbine",
+        tuple(content),
+        VERDICT if judged else "",
+        tuple(judgements),
+    )
 
 
 def figure_15(model: TurbineModel, folder: Path, cache: Cache, duration: float) -> Section:

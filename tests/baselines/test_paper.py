@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from baselines.paper import __main__ as program
-from baselines.paper import scores
+from baselines.paper import scores, turbine_sections
 from baselines.paper.cache import Cache
 from baselines.paper.control_sections import gust_alleviation, more, robustness
 from baselines.paper.controllers import Plants, swaying_wind
@@ -241,7 +241,7 @@ def test_table_2_differs_where_the_paper_misprints_it(tmp_path):
     errors = {cell.split("(")[1] for row in rows for cell in row[2:]}
     assert "+43.1)" in errors
     assert section.verdict.startswith("agrees: 112 of 117 entries")
-    assert "misprint of 3.0e8" in " ".join(part for part in section.content if isinstance(part, str))
+    assert "misprint of 3.0e8" in " ".join(part for part in section.parts if isinstance(part, str))
 
 
 def test_the_report_begins_with_the_verdicts():
@@ -294,7 +294,7 @@ def test_a_trial_run_says_so_on_every_page_concludes_nothing_and_leaves_the_full
         (tmp_path / name).write_text("the full report")
     (tmp_path / "paper").mkdir()
     (tmp_path / "paper" / "figure15.svg").write_text("the full figure")
-    assert program.main(["gust_alleviation", "figure15", "--quick", "--output", str(tmp_path)]) == 0
+    assert program.main(["table1", "gust_alleviation", "figure15", "--quick", "--output", str(tmp_path)]) == 0
     notice = "Trial run: 2 realisations of 4 s in place of 50 of 267 s"
     assert notice in capsys.readouterr().out
     assert (tmp_path / "paper.md").read_text() == (tmp_path / "paper.html").read_text() == "the full report"
@@ -352,3 +352,18 @@ def test_the_study_s_case_is_the_one_the_model_holds_whatever_its_name(tmp_path)
         ValueError, match="model slow: airloads: missing; .*in the case it holds; build it again"
     ):
         program.Study(older, tmp_path, 2, True, None)
+
+
+def test_figures_of_the_turbine_are_judged_for_the_case_that_was_looked_at_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(turbine_sections, "TURBINE", {})
+    own = load_case(turbine_sections.JUDGED)
+    other = replace(own, flap=replace(own.flap, span_start=0.5))
+    ours, theirs = (
+        turbine_sections.turbine_figures(case, MODEL, tmp_path, Cache(tmp_path, "a"), print)
+        for case in (own, other)
+    )
+    assert ours.verdict.startswith("agree")
+    assert theirs.verdict == ""
+    assert theirs.conclusions == (
+        "Not judged: only the figures of nrel5mw-rated were looked at beside the paper's.",
+    )

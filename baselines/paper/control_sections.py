@@ -8,6 +8,7 @@ import numpy as np
 
 from baselines.paper.controllers import VARIANTS
 from baselines.paper.document import Section, Table, percent
+from baselines.paper.models import was_judged
 from baselines.paper.robustness import CONDITIONS, LONGEST, MARGINS, PERIODIC_CONDITIONS
 from baselines.paper.scores import CHANGES, Score
 from flapgym.aeroelastic.model import TurbineModel
@@ -36,6 +37,7 @@ EXPECTED = {
     "lqg_frozen": (-5.0, 5.0, "less than 5 % different"),
 }
 
+# What explains it, as seen on one case: `was_judged`.
 REMARKS = {
     "lqg_unfiltered_same": "At the same weights a design that takes the wind for white has no slow gust to predict and "
     "hardly moves the flap; most of what the filter seems to give is this change of stroke.",
@@ -130,7 +132,7 @@ def gust_alleviation(
             _side_studies(scores),
         ),
         _verdict(scores, base),
-        tuple(_sentences(scores, base, settled_rate)),
+        tuple(_sentences(scores, base, settled_rate, REMARKS if was_judged(model.inputs_hash) else {})),
     )
 
 
@@ -164,7 +166,9 @@ def more(score: Score) -> float:
     return round(100.0 * score.against_base.mean, 1) + 0.0
 
 
-def _sentences(scores: dict[str, Score], base: Score, settled_rate: float) -> list[str]:
+def _sentences(
+    scores: dict[str, Score], base: Score, settled_rate: float, remarks: Mapping[str, str]
+) -> list[str]:
     lines = []
     gaps = {CHANGES[metric]: 100.0 * base.changes[metric].mean - paper for metric, paper in PAPER.items()}
     worst = max(gaps, key=lambda name: abs(gaps[name]))
@@ -187,13 +191,13 @@ def _sentences(scores: dict[str, Score], base: Score, settled_rate: float) -> li
             lines.append(
                 f"{LABELS[name].capitalize()}: {abs(found):.1f} % {'more' if found > 0 else 'less'} reduction of the "
                 f"RBM rms than the base case{_interval(scores[name].against_base)}; the paper says {words}: {verdict}. "
-                f"{REMARKS[name]}"
+                f"{remarks.get(name, '')}".rstrip()
             )
     if "lqg_multiblade" in scores:
         found = more(scores["lqg_multiblade"])
         lines.append(
             f"{LABELS['lqg_multiblade'].capitalize()}: {abs(found):.1f} % {'more' if found > 0 else 'less'} than the "
-            f"base case. {REMARKS['lqg_multiblade']}"
+            f"base case. {remarks.get('lqg_multiblade', '')}".rstrip()
         )
     return lines
 

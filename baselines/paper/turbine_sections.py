@@ -14,6 +14,7 @@ import numpy as np
 from baselines.paper.cache import Cache
 from baselines.paper.document import Section, Table, from_markdown
 from baselines.paper.drawing import kept
+from baselines.paper.models import JUDGED, was_judged
 from benchmarks.turbine.bode import figure10, figure13, figure14
 from benchmarks.turbine.study import Study
 from benchmarks.turbine.tips import figure11
@@ -21,7 +22,7 @@ from flapgym.aeroelastic.model import TurbineModel
 from flapgym.evaluation import plan, run
 from flapgym.evaluation.figure import draw_figure
 from flapgym.state_space import Array
-from flapgym.turbine import Case, load_case
+from flapgym.turbine import Case
 
 TURBINE = {
     "figure10": (
@@ -102,8 +103,6 @@ def sizes(printed: Sequence[str | Table], model: TurbineModel) -> Table:
     )
 
 
-JUDGED = "nrel5mw-rated"
-"""Case whose figures the judgements are of."""
 VERDICT = (
     "agree: tower's mark at 0.3 Hz, slight differences between blades, 150 states and 15 + 40 modes suffice; disagree: "
     "hardly a mark at 2.9 Hz, 20 states do not smooth the curve"
@@ -126,7 +125,7 @@ def turbine_figures(
     case: Case, model: TurbineModel, folder: Path, cache: Cache, tell: Callable[[str], None]
 ) -> Section:
     """Figures 10, 11, 13 and 14."""
-    study, judged = Study(case, "svg"), case.hash() == load_case(JUDGED).hash()
+    study, judged = Study(case, "svg"), was_judged(case.hash())
     judgements: list[str] = []
     content: list[str | Table | Path] = [
         "Reading: 'stationary' is a joint frozen with blade 1 up while inflow and wake turn; magnitudes in dB of 1 m "

@@ -128,6 +128,12 @@ def test_a_disagreement_with_the_paper_is_said():
     assert "2.6 % less reduction of the RBM rms than the base case (95 % interval -30.0 to +0.0 %)" in text
     assert "the paper says similar: agrees" in text
     assert "the paper says less than 5 % different: disagrees" in text
+    # Fixed words explain what was seen on one case, and are not said of another.
+    explained = "Homogeneous gusts leave the blades little to tell each other."
+    assert explained not in text
+    seen = replace(MODEL, inputs_hash=load_case("nrel5mw-rated").hash())
+    section = gust_alleviation(made, made["lqg"].changes, seen, 50, 267.0, 20, 0.05, 0.3)
+    assert explained in as_markdown("t", [section], Path())
 
 
 def test_robustness_at_the_design_point_is_the_loops_own_rms(tmp_path):
@@ -356,7 +362,7 @@ def test_the_study_s_case_is_the_one_the_model_holds_whatever_its_name(tmp_path)
 
 def test_figures_of_the_turbine_are_judged_for_the_case_that_was_looked_at_alone(tmp_path, monkeypatch):
     monkeypatch.setattr(turbine_sections, "TURBINE", {})
-    own = load_case(turbine_sections.JUDGED)
+    own = load_case("nrel5mw-rated")
     other = replace(own, flap=replace(own.flap, span_start=0.5))
     ours, theirs = (
         turbine_sections.turbine_figures(case, MODEL, tmp_path, Cache(tmp_path, "a"), print)

@@ -1,4 +1,4 @@
-"""The case studied, and its turbine with one thing changed, built once and kept: what the shipped designs are flown on."""
+"""The case studied, and its turbine with one thing changed, built once: what the shipped designs are flown on."""
 
 from __future__ import annotations
 

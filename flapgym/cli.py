@@ -21,6 +21,7 @@ from flapgym import __version__, program
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic import DEFAULT_MODEL, TurbineModel, load_model, save_model
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
+from flapgym.aeroelastic.nameplate import nameplate
 from flapgym.atomic import check_target
 from flapgym.control import AGENT_NAMES
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
@@ -50,7 +51,12 @@ def _parser() -> argparse.ArgumentParser:
         ("compare", _compare, _takes_comparison, "score agents on the same turbulence, against open loop"),
         ("build", _build, _takes_build, "build the model of a case and write it to a file"),
         ("aero", _aero, _takes_case, "print mean loads and gains of a case's vortex lattice"),
-        ("modes", _modes, _takes_modes, "print the turbine's natural modes beside Table 1 of the paper"),
+        (
+            "modes",
+            _modes,
+            _takes_modes,
+            "print the turbine's natural modes, nrel5mw's beside Table 1 of the paper",
+        ),
         ("info", _info, _takes_model, "say what a model holds"),
     ):
         sub = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
@@ -119,7 +125,7 @@ def _takes_modes(sub: argparse.ArgumentParser) -> None:
         "--blade-elements",
         type=int,
         metavar="N",
-        help="12 (the paper's Table 2) or 48 (all documented stations); default: the case's",
+        help="12, or one less than the turbine's documented stations (48 for nrel5mw); default: the case's",
     )
     sub.add_argument("--rotating", action="store_true", help="the turning rotor, not the parked one")
     sub.add_argument("--json", action="store_true", help="print a list of modes in JSON, frequencies in Hz")
@@ -193,7 +199,7 @@ def _aero(options: argparse.Namespace) -> Work:
     case = load_case(options.config).alike()
 
     def work() -> int:
-        print(describe_aerodynamics(case))
+        print(f"turbine          {nameplate(case.to_dict()).size}\n{describe_aerodynamics(case)}")
         return 0
 
     return work
@@ -252,19 +258,28 @@ def _check_writable(target: Path, option: str = "--output") -> None:
 
 
 def describe(model: TurbineModel) -> str:
-    """What a model holds, as text: operating point, size, steady gains, lightly damped modes, and how it was made."""
+    """What a model holds, as text: turbine, operating point, size, steady gains, modes, and how it was made."""
     turbine, blade, record, degree = model.turbine, model.blade, model.record, np.pi / 180.0
+    plate = nameplate(model.case)
+    span = (
+        ""
+        if plate.flap_span is None
+        else ", from {:.1%} to {:.1%} of the rotor radius".format(*plate.flap_span)
+    )
     gain = dict(zip(turbine.inputs, turbine.dc_gain()[turbine.outputs.index("rbm_0")], strict=True))
     limits = (model.flap_angle_limit, model.flap_rate_limit, model.acceleration_limit)
     angle, rate, acceleration = (value / degree for value in limits)
     lines = [
         f"model            {model.name} (format {model.format_version}, hash {model.hash[:12]})",
+        f"turbine          {plate.size}",
         f"operating point  wind {number(model.wind_speed)} m/s, rotor {model.rotor_speed:.4f} rad/s",
         f"turbulence       intensity {model.turbulence_intensity:.1%}, length scale {number(model.length_scale)} m",
         f"time step        {number(model.time_step)} s",
         f"form             {model.form}",
-        f"flap             {number(angle)} deg, {number(rate)} deg/s, {number(acceleration)} deg/s^2 to either side",
-        f"turbine          {turbine.order} states, spectral radius {turbine.spectral_radius():.6f}",
+        f"airloads         {plate.loads}",
+        f"flap             {number(angle)} deg, {number(rate)} deg/s, {number(acceleration)} deg/s^2 to either side"
+        f"{span}",
+        f"whole turbine    {turbine.order} states, spectral radius {turbine.spectral_radius():.6f}",
         f"single blade     {blade.order} states, spectral radius {blade.spectral_radius():.6f}",
         f"root moment      {gain['wind'] / 1e6:.3f} MN m per m/s of wind, "
         f"{gain['flap_angle_0'] * degree / 1e6:.4f} MN m per deg of flap (steady, blades alike)",

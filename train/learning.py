@@ -70,8 +70,6 @@ def environment(training: Training, model: TurbineModel) -> Scaled:
         chosen.turbines,
         autoreset_mode="SameStep",
         model=model,
-        turbulence_intensity=model.turbulence_intensity,
-        length_scale=model.length_scale,
         duration=chosen.duration,
         steps_per_action=chosen.steps_per_action,
         observe=chosen.observe,

@@ -178,16 +178,17 @@ def effects_section(
             tuple(duty),
         ),
     ]
+    conclusions = []
     if "pd" in found:
         inertial, hinge = (
             100.0 * (getattr(found["pd"][1], key).mean() / getattr(base, key).mean() - 1.0)
             for key in ("inertial_power", "hinge_power")
         )
         verdict = "agrees" if inertial > 0.0 else "disagrees"
-        content.append(
+        conclusions.append(
             "The paper cites up to 70 % more actuation power for PD than for a robust controller at equal load. By the "
             f"paper's rule, not quite at equal load, ours takes {inertial:+.0f} % of inertial and {hinge:+.0f} % of "
             f"hinge power against the base case: {verdict} in sign. The base case's weights leave acceleration "
             "nearly free; the section on rivals compares at equal load, and with an LQG that weighs it."
         )
-    return Section("Side effects and actuator duty", tuple(content))
+    return Section("Side effects and actuator duty", tuple(content), conclusions=tuple(conclusions))

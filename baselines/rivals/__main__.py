@@ -18,12 +18,11 @@ from baselines.paper.document import as_html, as_markdown
 from baselines.rivals.section import rivals_section
 from baselines.rivals.study import Study
 from flapgym.aeroelastic.model import load_model
+from flapgym.aeroelastic.nameplate import nameplate
 from flapgym.atomic import write_together
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
 from flapgym.program import Parser, Work, real, run, whole
-
-TITLE = "Rivals of the LQG on the NREL 5 MW turbine"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,10 +44,11 @@ def _door(options: argparse.Namespace) -> Work:
             study = Study(model, options.realisations, duration, Cache(folder / "parts", model.hash), tell)
             bar.total = study.rounds
             sections = [rivals_section(study)]
+        title = f"Rivals of the LQG on model {model.name} ({nameplate(model.case).size})"
         write_together(
             {
-                folder / "rivals.md": as_markdown(TITLE, sections, folder).encode(),
-                folder / "rivals.html": as_html(TITLE, sections).encode(),
+                folder / "rivals.md": as_markdown(title, sections, folder).encode(),
+                folder / "rivals.html": as_html(title, sections).encode(),
             }
         )
         print(f"wrote {folder / 'rivals.md'} and {folder / 'rivals.html'}")

@@ -20,7 +20,7 @@ from benchmarks.validation.reference import WIND_SPEED, Figures, Series, read_fi
 from benchmarks.validation.rows import AtLeast, Between, Limit, Near, Row, Unit, Within
 from benchmarks.validation.steady import Means, RigidAnswer, means, rigid_answer
 from flapgym.aeroelastic import TurbineModel
-from flapgym.turbine import Case
+from flapgym.turbine import Case, load_turbine
 
 DEGREE = np.pi / 180.0
 MOMENT, METRES, TOWER = Unit("MN m", 1e6), Unit("m"), Unit("m", decimals=4)
@@ -69,7 +69,7 @@ def compare(model: TurbineModel) -> Comparison:
     Raises
     ------
     ValueError
-        If it is not at OpenFAST's wind speed, or its blades differ.
+        If it is not of OpenFAST's turbine or not at its wind speed, or its blades differ.
     """
     if model.periodic is not None:
         raise ValueError(f"model {model.name}: expected equal blades, as OpenFAST's, got {model.form}")
@@ -79,6 +79,7 @@ def compare(model: TurbineModel) -> Comparison:
             f"got {model.wind_speed:g} m/s"
         )
     case, figures = Case.from_dict(model.case), read_figures()
+    case.turbine.require(load_turbine("nrel5mw"))
     step = {name: _both(model, f"step_{name.lower()}_dynamic") for name in PROGRAMS}
     turbulence = {}
     for name in PROGRAMS:

@@ -84,7 +84,7 @@ class Fleet:
         self.setup = Setup(
             steps_per_action=settings.steps_per_action,
             intervals=settings.intervals(self.model.time_step),
-            length_scale=settings.length_scale,
+            length_scale=self.model.length_scale if settings.length_scale is None else settings.length_scale,
             # A late moment is looked up among the samples.
             every_sample=settings.record_samples
             or settings.tower_weight > 0.0
@@ -104,7 +104,7 @@ class Fleet:
             settings.flap_angle_weight,
             settings.tower_weight,
         )
-        self.intensity = settings.intensities(count)
+        self.intensity = settings.intensities(count, self.model)
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
         self.plant = make_plant(self.model, count, self.setup, self.task)

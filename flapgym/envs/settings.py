@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
+from flapgym.aeroelastic.nameplate import nameplate
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
+from flapgym.turbine import BUILT_IN, load_case
 from flapgym.turbulence import gust_of
-from flapgym.turbulence.gusts import ROUNDING, Recorded, is_number
+from flapgym.turbulence.gusts import ROUNDING, ExtremeOperatingGust, Recorded, Sinusoid, is_number
 from flapgym.wording import number, shown
 
 LARGEST_POOL = 1_000_000
@@ -42,8 +44,8 @@ class Settings:
 
     model: str | os.PathLike[str] | TurbineModel = DEFAULT_MODEL
     wind_speed: float | None = None
-    turbulence_intensity: float | Sequence[float] = 0.10
-    length_scale: float = 147.0
+    turbulence_intensity: float | Sequence[float] | None = None
+    length_scale: float | None = None
     gust: Mapping[str, Any] | None = None
     duration: float = 20.0
     measurement_noise: float = 0.0
@@ -72,8 +74,8 @@ class Settings:
             self._take(name, bool(getattr(self, name)))
         for name, (lowest, highest, unit) in LIMITS.items():
             value = getattr(self, name)
-            if value is None and name == "wind_speed":
-                continue
+            if value is None and name in ("wind_speed", "length_scale"):
+                continue  # the model's
             if not is_number(value):
                 raise ValueError(f"{name}: expected a finite number, got {shown(value)}")
             # As Python's: bounds overflow in NumPy's numbers of few bits.
@@ -83,7 +85,8 @@ class Settings:
                     f"{name}: expected a number from {number(lowest)} to {number(highest)}{unit}, got {shown(value)}"
                 )
             self._take(name, float(value))
-        self._take("turbulence_intensity", _checked_intensity(self.turbulence_intensity))
+        if self.turbulence_intensity is not None:
+            self._take("turbulence_intensity", _checked_intensity(self.turbulence_intensity))
         steps = self.steps_per_action
         if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or not 1 <= steps <= 100:
             raise ValueError(f"steps_per_action: expected a whole number from 1 to 100, got {shown(steps)}")
@@ -148,7 +151,7 @@ class Settings:
             target = f"{model.name}-{wanted}mps"
             raise ValueError(
                 f"wind_speed: model {model.name} was built for {number(model.wind_speed)} m/s, got {wanted} m/s; "
-                f'write {target}.toml with base = "nrel5mw-rated", name = "{target}" and in [operating_point] '
+                f'write {target}.toml with base = "{_base_of(model)}", name = "{target}" and in [operating_point] '
                 f'wind_speed = "{wanted} m/s" (above rated wind also pitch and tip_speed_ratio), then '
                 f"`flapgym build {target}.toml --output {target}.safetensors` and pass "
                 f'model="{target}.safetensors"'
@@ -186,7 +189,8 @@ class Settings:
         Raises
         ------
         ValueError
-            If the gust's recording does not last as long.
+            If the gust's recording does not last as long, its frequency is above what the samples show, or it wants the
+            size of a turbine that the model's case does not tell.
         """
         if self.gust is None:
             return None
@@ -202,6 +206,13 @@ class Settings:
                 )
         samples = intervals * self.steps_per_action + 1
         time = np.arange(-1, samples, dtype=np.float64) * dt
+        gust = gust_of(self.gust)
+        if isinstance(gust, ExtremeOperatingGust):
+            plate = nameplate(model.case)
+            diameter = None if plate.rotor_radius is None else 2.0 * plate.rotor_radius
+            gust = gust.on_turbine(diameter, plate.hub_height)
+        elif isinstance(gust, Sinusoid):
+            gust.check_samples(dt)
         wind = gust.wind(time, model.wind_speed)
         return GivenWind(wind[1:], float(wind[0]))
 
@@ -221,15 +232,16 @@ class Settings:
             )
         return steps
 
-    def intensities(self, count: int) -> NDArray[np.float64]:
-        """Turbulence intensity of each of `count` turbines.
+    def intensities(self, count: int, model: TurbineModel) -> NDArray[np.float64]:
+        """Turbulence intensity of each of `count` turbines; the model's own if none is given.
 
         Raises
         ------
         ValueError
             If there is neither one for all nor one for each.
         """
-        given = np.asarray(self.turbulence_intensity)
+        chosen = self.turbulence_intensity
+        given = np.asarray(model.turbulence_intensity if chosen is None else chosen)
         if given.shape not in ((), (count,)):
             raise ValueError(
                 f"turbulence_intensity: expected one number, or one for each of {count} environments, "
@@ -240,6 +252,13 @@ class Settings:
     def intervals(self, time_step: float) -> int:
         """Actions of an episode: the fewest that last `duration`."""
         return max(1, math.ceil(self.duration / (self.steps_per_action * time_step) - 1e-9))
+
+
+def _base_of(model: TurbineModel) -> str:
+    """What a case that differs from a model's in one thing takes as its base."""
+    if model.name in BUILT_IN["case"] and load_case(model.name).hash() == model.inputs_hash:
+        return model.name
+    return f"the case file that {model.name} was built from"
 
 
 def _three(name: str, values: object, optional: bool = False) -> tuple[Any, ...]:

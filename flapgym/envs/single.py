@@ -64,7 +64,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | name | entries | unit | bound | meaning |
     |---|---|---|---|---|
-    | `rbm` | 3 | MN m | 50 | flapwise root bending moment of blades 1 to 3 |
+    | `rbm` | 3 | MN m | 50, or 40 `rbm_rms` if more | flapwise root bending moment of blades 1 to 3 |
     | `flap_angle` | 3 | rad | angle stop, 0.1745 | flap angle of blades 1 to 3 |
     | `flap_rate` | 3 | rad/s | rate stop, 1.745 | flap rate of blades 1 to 3 |
     | `tip_deflection` | 3 | m | 50 | tip deflection of blades 1 to 3, downwind |
@@ -122,8 +122,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|
     | `model` | `"nrel5mw-corrected"` | name of a shipped model, or a model file of `flapgym build` |
     | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
-    | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air; `FlapVectorEnv` takes several |
-    | `length_scale` | 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
+    | `turbulence_intensity` | the model's, 0.10 | over mean wind, rms; 0 is still air; `FlapVectorEnv` takes several |
+    | `length_scale` | the model's, 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
     | `gust` | `None` | a wind beside the turbulence, see below |
     | `duration` | 20.0 | of an episode [s], 0.001 to 100,000 |
     | `measurement_noise` | 0.0 | rms of white noise on the observed RBM [N m], to 5e7; the reward sees none |
@@ -155,13 +155,14 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `"extreme_operating_gust"` | classes, `start` | dip, peak and dip within 10.5 s |
     | `"recorded"` | `file`, `start` | a series from a CSV file |
 
-    `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz. The extreme operating
-    gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class` (`"I"` to `"III"`, default `"I"`) and
-    `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may `rotor_diameter` (126) and `hub_height`
-    (90). A recording has the header `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about the mean wind (also ms,
-    min, h and km/h, kn). Semicolons or tabs may stand for the commas, and decimal commas for points then; times may be
-    dates of ISO 8601 under the header `time`, counted in seconds from the first. It is linear between its samples and
-    must last for the episode, which begins at its moment `start`, by default its first.
+    `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz or half that of the
+    plant's steps. The extreme operating gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class`
+    (`"I"` to `"III"`, default `"I"`) and `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may
+    `rotor_diameter` and `hub_height` [m] in place of the turbine's own. A recording has the header
+    `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about the mean wind (also ms, min, h and km/h, kn). Semicolons
+    or tabs may stand for the commas, and decimal commas for points then; times may be dates of ISO 8601 under the
+    header `time`, counted in seconds from the first. It is linear between its samples and must last for the episode,
+    which begins at its moment `start`, by default its first.
 
     ## Version History
 

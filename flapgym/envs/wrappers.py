@@ -228,7 +228,8 @@ def servo_of(base: Any) -> Servo:
     """The inner loop that fits an unwrapped environment."""
     model = flap_model(base)
     period = base.settings.steps_per_action * model.time_step
-    return Servo(model.acceleration_limit, model.flap_rate_limit, period, base.settings.actuator_lag)
+    limits = model.acceleration_limit, model.flap_rate_limit, model.flap_angle_limit
+    return Servo(*limits, period, base.settings.actuator_lag)
 
 
 def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]]:

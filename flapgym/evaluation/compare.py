@@ -10,6 +10,7 @@ import numpy as np
 from tqdm import tqdm
 
 from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
+from flapgym.aeroelastic.nameplate import Nameplate, nameplate
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.agent import check_time_step
 from flapgym.control.agent_checks import check_agent
@@ -84,6 +85,8 @@ class Comparison:
         What grows in the linear loop, by name of those agents in whose loop something does; the stops, left out there,
         bound it in the scores.
     model_name, model_hash : str
+    nameplate : Nameplate
+        Of the model's turbine.
     realisations : int
     seed : int
         Of the first realisation; the next have the next.
@@ -91,6 +94,8 @@ class Comparison:
         Of each realisation [s].
     rotor_speed : float
         [rad/s].
+    flap_angle_limit : float
+        [rad].
     """
 
     scores: dict[str, Score]
@@ -98,10 +103,12 @@ class Comparison:
     growths: dict[str, Growth]
     model_name: str
     model_hash: str
+    nameplate: Nameplate
     realisations: int
     seed: int
     duration: float
     rotor_speed: float
+    flap_angle_limit: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +175,12 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
         growths={name: grows for name, grows in growths.items() if grows is not None},
         model_name=model.name,
         model_hash=model.hash,
+        nameplate=nameplate(model.case),
         realisations=len(seeds),
         seed=seeds[0],
         duration=duration,
         rotor_speed=model.rotor_speed,
+        flap_angle_limit=model.flap_angle_limit,
     )
 
 

@@ -64,7 +64,13 @@ def write_report(comparison: Comparison, folder: str | os.PathLike[str]) -> None
 def as_json(comparison: Comparison) -> dict[str, Any]:
     """Plain values in SI units; changes are fractions of open loop."""
     return {
-        "model": {"name": comparison.model_name, "hash": comparison.model_hash},
+        "model": {
+            "name": comparison.model_name,
+            "hash": comparison.model_hash,
+            "turbine": comparison.nameplate.turbine,
+            "rotor_radius": comparison.nameplate.rotor_radius,
+            "hub_height": comparison.nameplate.hub_height,
+        },
         "realisations": comparison.realisations,
         "seed": comparison.seed,
         "duration": comparison.duration,
@@ -149,7 +155,8 @@ def _caption(comparison: Comparison) -> str:
     count = comparison.realisations
     return (
         f"Change against open loop on the same {count} realisation{'s' if count > 1 else ''} of "
-        f"{comparison.duration:.0f} s, model {comparison.model_name} ({comparison.model_hash[:12]}): "
+        f"{comparison.duration:.0f} s, model {comparison.model_name} ({comparison.model_hash[:12]}), "
+        f"turbine {comparison.nameplate.size}: "
         "mean of the ratios over blades and realisations, 95 % paired bootstrap interval."
     )
 

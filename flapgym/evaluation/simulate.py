@@ -58,10 +58,7 @@ def simulate(
         # Whole intervals that cover the duration: agents of other intervals must not end early.
         duration=duration + agent.steps_per_action * model.time_step,
         record_samples=True,
-        **(
-            {"turbulence_intensity": model.turbulence_intensity, "length_scale": model.length_scale}
-            | settings
-        ),
+        **settings,
     )
     kept = round(duration / model.time_step)
     pieces: dict[str, list[np.ndarray]] = {name: [] for name in _SAMPLES}

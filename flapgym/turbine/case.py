@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain
+from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain, to_plain
 from flapgym.turbine.machine import Turbine
 from flapgym.turbine.units import DEGREE
 from flapgym.wording import number
@@ -340,7 +340,7 @@ class Case:
 
     def to_dict(self) -> dict[str, Any]:
         """Return every value of the case and its turbine as nested dictionaries, lists and numbers, in SI."""
-        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+        return {f.name: to_plain(getattr(self, f.name)) for f in fields(self)}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Case:
@@ -353,11 +353,3 @@ class Case:
         del content["name"], content["turbine"]["name"]
         canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(canonical.encode()).hexdigest()
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, np.ndarray | tuple):
-        return [_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
-    return value

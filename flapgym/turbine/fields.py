@@ -297,6 +297,15 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
     return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
 
 
+def to_plain(value: Any) -> Any:
+    """A data class as nested dictionaries, lists and SI numbers, which JSON can hold and `from_plain` reads."""
+    if is_dataclass(value):
+        return {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray | tuple):
+        return [to_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    return value
+
+
 def from_plain(cls: type[T], values: Mapping[str, Any], section: str = "") -> T:
     """Make a data class of the nested dictionaries, lists and SI numbers that its fields were written as.
 

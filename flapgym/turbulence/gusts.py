@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -32,7 +32,7 @@ STRONGEST = 100.0
 LIMITS = {
     "size": (-STRONGEST, STRONGEST, "m/s"),
     "amplitude": (-STRONGEST, STRONGEST, "m/s"),
-    "frequency": (1e-6, 50.0, "Hz"),  # the plant's samples show no more than 71 Hz
+    "frequency": (1e-6, 50.0, "Hz"),  # the plant's samples may show less: `Sinusoid.check_samples`
     "duration": (1e-3, 1e6, "s"),
     "start": (-1e12, 1e12, "s"),  # recordings may count from 1970
     "rotor_diameter": (1.0, 1000.0, "m"),
@@ -94,6 +94,14 @@ class Sinusoid:
     def __post_init__(self) -> None:
         _check(self)
 
+    def check_samples(self, time_step: float) -> None:
+        """Refuse, with a ValueError, a frequency that samples a time step [s] apart would show as another one."""
+        if self.frequency > 0.5 / time_step:
+            raise ValueError(
+                f"gust.frequency: expected at most {0.5 / time_step:.4g} Hz, half the frequency of the model's time "
+                f"steps of {time_step:g} s, got {self.frequency:g} Hz"
+            )
+
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s]."""
         since = np.maximum(time - self.start, 0.0)
@@ -115,14 +123,14 @@ class ExtremeOperatingGust:
     start : float
         [s].
     rotor_diameter, hub_height : float
-        D and the hub height [m]; the NREL 5 MW's by default.
+        D and the hub height [m]; those of the turbine it strikes by default (`on_turbine`).
     """
 
     turbine_class: str = "I"
     turbulence_class: str = "A"
     start: float = 0.0
-    rotor_diameter: float = 126.0
-    hub_height: float = 90.0
+    rotor_diameter: float | None = None
+    hub_height: float | None = None
 
     def __post_init__(self) -> None:
         _check(self)
@@ -134,8 +142,25 @@ class ExtremeOperatingGust:
             if not isinstance(value, str) or value not in known:
                 raise ValueError(f"gust.{name}: expected one of {', '.join(known)}, got {shown(value)}")
 
+    def on_turbine(self, rotor_diameter: float | None, hub_height: float | None) -> ExtremeOperatingGust:
+        """The gust with a turbine's rotor diameter and hub height [m], if they are known, where it gives none."""
+        return replace(
+            self,
+            rotor_diameter=rotor_diameter if self.rotor_diameter is None else self.rotor_diameter,
+            hub_height=hub_height if self.hub_height is None else self.hub_height,
+        )
+
     def magnitude(self, mean: float) -> float:
-        """V_gust [m/s] at a mean wind speed V_hub [m/s]."""
+        """V_gust [m/s] at a mean wind speed V_hub [m/s].
+
+        Raises
+        ------
+        ValueError
+            If it knows neither rotor diameter nor hub height.
+        """
+        if self.rotor_diameter is None or self.hub_height is None:
+            missing = "rotor_diameter" if self.rotor_diameter is None else "hub_height"
+            raise ValueError(f"gust.{missing}: the model's case does not tell it; give it in m")
         yearly = 0.8 * 1.4 * REFERENCE_SPEEDS[self.turbine_class]
         sigma = REFERENCE_INTENSITIES[self.turbulence_class] * (0.75 * mean + 5.6)
         scale = 0.7 * min(self.hub_height, 60.0)

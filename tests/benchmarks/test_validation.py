@@ -17,6 +17,7 @@ from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.build import build_model
 from flapgym.structure.rotation import about_y, about_z
 from flapgym.turbine import load_case
+from tests.scaled import small_case
 
 REVOLUTION = 2.0 * np.pi * 63.0 / 77.0
 STEPS = [
@@ -270,3 +271,11 @@ def test_bad_input_is_one_line_before_any_work(given, said, tmp_path, capsys):
 def test_a_model_in_other_wind_is_refused():
     with pytest.raises(ValueError, match="expected a wind_speed of 11 m/s"):
         compare(replace(load_model("nrel5mw-rated"), wind_speed=9.0))
+
+
+def test_a_model_of_another_turbine_is_refused():
+    other = replace(load_model("nrel5mw-rated"), case=small_case(2.0).to_dict())
+    with pytest.raises(
+        ValueError, match="turbine: expected nrel5mw, got scaled15mw, which differs in rotor, hub"
+    ):
+        compare(other)

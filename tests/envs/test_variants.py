@@ -54,7 +54,8 @@ def test_a_gust_and_turbulence_add_up():
             both[part], turbulence[part] + gust[part], atol=1e-10 * np.abs(both[part]).max()
         )
     time = STEP * np.arange(len(gust[1]))
-    np.testing.assert_allclose(gust[1], gust_of(GUST).wind(time, 11.0), atol=1e-12)
+    sized = {**GUST, "rotor_diameter": 126.0, "hub_height": 90.0}
+    np.testing.assert_allclose(gust[1], gust_of(sized).wind(time, 11.0), atol=1e-12)
 
 
 def test_a_recorded_gust_is_made_again_from_json(tmp_path):

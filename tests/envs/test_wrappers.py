@@ -27,7 +27,7 @@ from flapgym.envs.wrappers import Residual, TargetAngle
 from tests.synthetic import synthetic_model
 
 DEGREE = np.pi / 180.0
-SERVO = Servo(600.0 * DEGREE, 100.0 * DEGREE, 0.035)
+SERVO = Servo(600.0 * DEGREE, 100.0 * DEGREE, 10.0 * DEGREE, 0.035)
 FULL = {"observe": ("azimuth", "rbm", "flap_angle", "flap_rate"), "steps_per_action": 1, "duration": 0.7}
 
 

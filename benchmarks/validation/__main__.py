@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m benchmarks.validation", description=(__doc__ or "").splitlines()[0]
     )
     parser.add_argument(
-        "--model", nargs="+", default=MODELS, help="models' names or files (default: %(default)s)"
+        "--model", nargs="+", default=MODELS, help=f"models' names or files (default: {' '.join(MODELS)})"
     )
     parser.add_argument(
         "--output", type=Path, default=Path("results"), help="folder for the files (default: %(default)s)"

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -35,7 +36,7 @@ from flapgym.evaluation.compare import PAPER_LENGTH
 from flapgym.turbine import Case, load_case
 
 PAPER = "nrel5mw-rated"
-AXES = {"25 % of the chord": 0.25, "as published": "published"}
+AXES: dict[str, float | Literal["published"]] = {"25 % of the chord": 0.25, "as published": "published"}
 Rows = dict[str, tuple[str, str]]
 """Ours by quantity, and the paper's."""
 PERCENTAGES = "-22 / -23 / -17"

@@ -2,7 +2,7 @@
 
 The paper's case with the beam through the quarter chords and with the published axis, all else alike. Prints the table
 and writes `results/axis.md`; `--docs docs/validation.md` puts it into the page. Designs that are tuned lie in
-`results/axis` and are not tuned again. Ten minutes of one core the first time.
+`results/axis` and are not tuned again. Some five minutes of one core the first time.
 """
 
 from __future__ import annotations

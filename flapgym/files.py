@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from flapgym.atomic import kind_of_file
-from flapgym.wording import LONGEST, one_line, shown
+from flapgym.wording import LONGEST_VALUE, one_line, shown
 
 MEGABYTE = 1 << 20
 LARGEST_SETTINGS = MEGABYTE // 4
@@ -185,7 +185,7 @@ def _problem_within(
 
 
 def _place(name: str) -> str:
-    return one_line(name, LONGEST) or "the document"
+    return one_line(name, LONGEST_VALUE) or "the document"
 
 
 def _refuse_constant(text: str) -> NoReturn:

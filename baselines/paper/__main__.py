@@ -307,14 +307,6 @@ def _door(options: argparse.Namespace) -> Work:
                 bar.set_description(name)
                 sections.append(PARTS[name](study))
                 bar.update()
-        glance = [summary(sections)] if any(section.verdict for section in sections) else []
-        sections = [*glance, parameters(model), *sections]
-        write_together(
-            {
-                output / "paper.md": as_markdown(TITLE, sections, output).encode(),
-                output / "paper.html": as_html(TITLE, sections).encode(),
-            }
-        )
         notice, title = "", TITLE
         if options.quick:
             notice, title = trial_notice(study), f"Trial run: {TITLE}"

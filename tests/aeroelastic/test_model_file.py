@@ -8,6 +8,7 @@ import safetensors.numpy
 
 from flapgym.aeroelastic import builtin_models, load_model, save_model
 from flapgym.aeroelastic.record import readings
+from flapgym.turbine import load_case
 
 
 def test_saved_model_is_loaded_as_it_was(tmp_path):

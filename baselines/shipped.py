@@ -15,7 +15,7 @@ def loaded(name: str, model: TurbineModel) -> LinearController:
     return agent
 
 
-def shipped_weights(name: str) -> Weights:
-    """Those of a shipped LQG."""
-    design = agent_design(name)
+def shipped_weights(name: str, model: TurbineModel) -> Weights:
+    """Those of a shipped LQG, named as for `load_agent`."""
+    design = agent_design(name, model)
     return Weights(**{key: design[key] for key in ("rbm", "flap_angle", "acceleration", "measurement_noise")})

@@ -21,7 +21,7 @@ from baselines.tuning import (
     tune_pid,
     tune_saturating,
 )
-from flapgym.aeroelastic.model import load_model
+from flapgym.aeroelastic.model import DEFAULT_MODEL, load_model
 from flapgym.control import save_agent
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import PAPER_LENGTH
@@ -117,7 +117,7 @@ _FOUND = (
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m baselines.tune", description=__doc__.split(":")[0] + ".")
     parser.add_argument("controllers", nargs="*", default=list(CONTROLLERS), help="which (default: all)")
-    parser.add_argument("--model", default="nrel5mw-rated", help="a model's name or file")
+    parser.add_argument("--model", default=DEFAULT_MODEL, help="a model's name or file")
     parser.add_argument(
         "--config", type=Path, default=CONFIG, help="the tuning file (default: configs/tuning.toml)"
     )

@@ -198,7 +198,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for figure8.png")
     output: Path = parser.parse_args().output
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     start = time.perf_counter()
     aero = build_aerodynamics(case)
     print(f"influence of the whole rotor: {time.perf_counter() - start:.2f} s")

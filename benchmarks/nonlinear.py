@@ -67,7 +67,7 @@ class LinearMarch:
 
 def nonlinear_march() -> NonlinearMarch:
     """The non-linear turbine of the shipped model's case."""
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     parts, rotor = assemble_parts(case)
     collective, whirl = (
         reduce_component(rotor, parts.lattice, component, case.reduction.aerodynamic_states)
@@ -216,7 +216,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=SEED, help="of the turbulence")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder of the kept series")
     options = parser.parse_args()
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     print("| scenario | measure | linear | non-linear | difference [%] | rms of difference [%] |")
     print("|---|---|---|---|---|---|")
     for scenario in [options.only] if options.only else SCENARIOS:

@@ -27,8 +27,8 @@ Solve = Callable[[Array], Any]
 
 def optima() -> tuple[Array, Array]:
     """Rows (N, m) that the offsets must correct, and what they do to them (m, n)."""
-    model = load_model()
-    agent = PredictiveController("mpc", model, shipped_weights("lqg_saturating"))
+    model = load_model("nrel5mw-rated")
+    agent = PredictiveController("mpc", model, shipped_weights("lqg_saturating", model))
     seen: list[Array] = []
     solve = agent.within
 

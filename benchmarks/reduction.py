@@ -90,7 +90,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for figure12.png")
     output: Path = parser.parse_args().output
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     balance = trim(case)
     _, shape = normal_modes(balance.blade.mass, balance.blade.stiffness, case.reduction.blade_modes)
     lattice = blade_lattice(case, balance.rotor, balance.blade, shape)

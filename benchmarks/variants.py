@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from flapgym.aeroelastic import load_model
+from flapgym.aeroelastic import DEFAULT_MODEL, load_model
 from flapgym.atomic import write_atomically
-from flapgym.control import AGENT_NAMES, load_agent
+from flapgym.control import AGENT_NAMES, OpenLoop, load_agent
 from flapgym.envs.registration import ENVIRONMENTS, Registered
 from flapgym.evaluation.compare import SCORED_SEED
 from flapgym.evaluation.metrics import measure
@@ -33,12 +33,12 @@ TURBULENT, GUST = 120.0, 20.0
 def scores(entry: Registered, agents: Sequence[str], realisations: int, seconds: float) -> dict[str, Any]:
     """Mean rms and damage-equivalent load of the root moment [N m] and flap travel [rad/s] of each agent."""
     keywords = dict(entry.keywords)
-    model = load_model(keywords.pop("model", "nrel5mw-rated"))
+    model = load_model(keywords.pop("model", DEFAULT_MODEL))
     result = {}
     for name in agents:
         metrics = measure(
             simulate(
-                load_agent(name, model),
+                load_agent(name if name == OpenLoop.name else f"{entry.agents}/{name}", model),
                 model,
                 range(SCORED_SEED, SCORED_SEED + realisations),
                 seconds,

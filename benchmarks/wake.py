@@ -262,7 +262,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for wake-step.png")
     output: Path = parser.parse_args().output
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     circulation = shed_by(case)
     state = wake_transport(case, circulation)
     slopes = working_slopes(case)

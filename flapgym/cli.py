@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
-from flapgym.aeroelastic import TurbineModel, load_model, save_model
+from flapgym.aeroelastic import DEFAULT_MODEL, TurbineModel, load_model, save_model
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
 from flapgym.control import AGENT_NAMES
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
@@ -29,7 +29,7 @@ from flapgym.state_space import StateSpace
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
-from flapgym.turbine import BUILT_IN, load_case
+from flapgym.turbine import BUILT_IN, DEFAULT_CASE, load_case
 
 PICTURES = (".pdf", ".png", ".svg")
 
@@ -98,7 +98,7 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         help=f"shipped ones ({', '.join(AGENT_NAMES)}) or .json files; default: all shipped",
     )
     sub.add_argument(
-        "--model", default="nrel5mw-rated", help="model file, or name of a shipped one; default: %(default)s"
+        "--model", default=DEFAULT_MODEL, help="model file, or name of a shipped one; default: %(default)s"
     )
     sub.add_argument(
         "--realisations", type=int, metavar="N", default=5, help="signals of turbulence; default: %(default)s"
@@ -131,7 +131,7 @@ def _takes_case(sub: argparse.ArgumentParser) -> None:
         "config",
         metavar="CONFIG",
         nargs="?",
-        default="nrel5mw-rated",
+        default=DEFAULT_CASE,
         help="a case's TOML file, or a built-in one; default: %(default)s",
     )
 
@@ -161,7 +161,7 @@ def _takes_model(sub: argparse.ArgumentParser) -> None:
         "model",
         metavar="MODEL",
         nargs="?",
-        default="nrel5mw-rated",
+        default=DEFAULT_MODEL,
         help="model file, or name of a shipped one; default: %(default)s",
     )
 

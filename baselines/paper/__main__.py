@@ -119,7 +119,7 @@ class Study:
             few.changes,
             self.realisations,
             self.duration,
-            shipped_weights("lqg").measurement_noise,
+            shipped_weights("lqg", self.model).measurement_noise,
             self._settled_rate(),
         )
 

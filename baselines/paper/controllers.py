@@ -178,7 +178,7 @@ class Controllers:
     def _made(self, name: str) -> LinearController:
         if name in SHIPPED:
             return loaded(name, self.model)
-        base = shipped_weights("lqg")
+        base = shipped_weights("lqg", self.model)
         if name == "lqg_unfiltered_same":
             return self._lqg(name, base.rbm)
         settings = {
@@ -199,13 +199,13 @@ class Controllers:
         )
         # The search comes back to the weights it began with; a design on the whole turbine takes seconds.
         design = cache(lambda rbm: self._lqg(name, rbm))
-        weight = meet_the_stops(bench, design, START * shipped_weights("lqg").rbm)
+        weight = meet_the_stops(bench, design, START * shipped_weights("lqg", self.model).rbm)
         if weight is None:
             raise ValueError(f"{name}: the loop turns unstable before the flap reaches its stop")
         return np.asarray(weight)
 
     def _lqg(self, name: str, rbm: float) -> LinearController:
-        design, weights = self._designs(name), replace(shipped_weights("lqg"), rbm=rbm)
+        design, weights = self._designs(name), replace(shipped_weights("lqg", self.model), rbm=rbm)
         if name == "lqg_bold":
             weights = replace(weights, measurement_noise=BOLD_NOISE)
         agent = lqg_agent(name, self.model, weights, design)

@@ -74,7 +74,8 @@ def reading(
     advanced: Callable[[str], None],
 ) -> Reading:
     """Tune the base case on a model by the paper's rule, all but the weight on the moment as shipped, and score it."""
-    base = shipped_weights("lqg")
+    # The reading's own model has no agents: the weights are those of the paper's reading.
+    base = shipped_weights("nrel5mw-rated/lqg", model)
 
     def design(weight: float) -> LinearController:
         return lqg_agent("lqg", model, replace(base, rbm=weight))

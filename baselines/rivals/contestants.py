@@ -58,7 +58,7 @@ def predictive(model: TurbineModel, seconds: float = 0.0) -> PredictiveControlle
     """MPC with so much preview; what differs from the saturating LQG is what it knows, not what it weighs."""
     name = f"mpc_{seconds:g}s" if seconds else "mpc"
     preview = round(seconds / model.time_step)
-    return PredictiveController(name, model, shipped_weights("lqg_saturating"), preview)
+    return PredictiveController(name, model, shipped_weights("lqg_saturating", model), preview)
 
 
 def tilt_and_yaw_alone(agent: RotorController) -> RotorController:

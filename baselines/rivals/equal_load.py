@@ -68,7 +68,7 @@ def at_equal_load(model: TurbineModel, weights: Weights, noise: float) -> dict[s
     design = design_model(model)
     target = stationary_rms(model, synthesise(design, weights), measurement_noise=sigma)
     found = {"lqg": _stationary(target, reference)}
-    pd, pid = shipped_gains()
+    pd, pid = shipped_gains(model)
     families: dict[str, tuple[Callable[[float], StateSpace], float]] = {
         "pd": (lambda gain: pd_agent("pd", model, replace(pd, proportional=gain)).system, pd.proportional),
         "pid": (
@@ -90,9 +90,9 @@ def at_equal_load(model: TurbineModel, weights: Weights, noise: float) -> dict[s
     return found
 
 
-def shipped_gains() -> tuple[PDGains, PIDGains]:
+def shipped_gains(model: TurbineModel) -> tuple[PDGains, PIDGains]:
     """Of the shipped PD and PID."""
-    pd, pid = agent_design("pd"), agent_design("pid")
+    pd, pid = agent_design("pd", model), agent_design("pid", model)
     return (
         PDGains(**{each.name: pd[each.name] for each in fields(PDGains)}),
         PIDGains(**{each.name: pid[each.name] for each in fields(PIDGains)}),

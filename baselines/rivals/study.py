@@ -169,14 +169,14 @@ class Study:
 
     def equal_load(self) -> Array:
         """(noises, controllers, columns): LQG, PD, PID and calm LQG at the LQG's load; columns of `EqualLoad`."""
-        weights = shipped_weights("lqg")
+        weights = shipped_weights("lqg", self.model)
 
         def make() -> dict[str, Array]:
             return {
                 "found": np.array([as_array(at_equal_load(self.model, weights, noise)) for noise in NOISES])
             }
 
-        pd, pid = shipped_gains()
+        pd, pid = shipped_gains(self.model)
         designs = [asdict(weights), asdict(CALM), asdict(pd), asdict(pid)]
         inputs = {"noises": NOISES, "designs": designs}
         return self.cache.arrays("equal-load", inputs, make)["found"]
@@ -195,7 +195,7 @@ class Study:
             )
             return rebuilt(Metrics, "metrics", found)
 
-        still, weights = of(OpenLoop()).rbm_rms, shipped_weights("lqg_saturating")
+        still, weights = of(OpenLoop()).rbm_rms, shipped_weights("lqg_saturating", self.model)
         agents = {
             label: PredictiveController("mpc", self.model, weights, blocks=blocks)
             for label, blocks in HORIZONS.items()

@@ -16,7 +16,7 @@ import numpy as np
 import flapgym  # noqa: F401 (registers the environments)
 from benchmarks.environment.timing import best_of
 
-FLAPGYM, PENDULUM, CARTPOLE, CHEETAH = "flapgym/NREL5MW-v0", "Pendulum-v1", "CartPole-v1", "HalfCheetah-v5"
+FLAPGYM, PENDULUM, CARTPOLE, CHEETAH = "flapgym/NREL5MW-v1", "Pendulum-v1", "CartPole-v1", "HalfCheetah-v5"
 JAX_PENDULUM = "phys2d/Pendulum-v0"
 """Gymnasium's own vector class of Pendulum, in JAX."""
 STEPS_TOGETHER = 256

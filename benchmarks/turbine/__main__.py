@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts = options.parts or list(STAGES)
     output: Path = options.output
     output.mkdir(parents=True, exist_ok=True)
-    study = Study(load_case())
+    study = Study(load_case("nrel5mw-rated"))
     programs = FIGURES | {"full": against_full, "campbell": campbell}
     with tqdm.tqdm(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
         begun = False

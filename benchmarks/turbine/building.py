@@ -35,7 +35,7 @@ from flapgym.state_space import Array
 from flapgym.turbine import Case, load_case
 from flapgym.turbine.units import DEGREE
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 REVOLUTIONS = 60
 """After which the tower's answer to the imbalance is steady, its own modes being damped by 1 % and more."""
 
@@ -190,7 +190,7 @@ def forms() -> None:
         [name, *(f"{100.0 * error:.4f}" for error in gap)] for name, gap in newmark_gap(study, STEPS).items()
     ]
     table("Time-invariant form against A(theta) at exact azimuths, rms [%]", ["inputs", *OUTPUTS], rows)
-    model, rows = load_model(), []
+    model, rows = load_model("nrel5mw-rated"), []
     for tolerance in (0.01, 0.001):
         small = compact_model(model, tolerance)
         error = small.record.errors["turbine reduced as a whole"]

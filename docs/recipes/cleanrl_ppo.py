@@ -22,7 +22,7 @@ DISCOUNT, TRACE, CLIP, RATE = 0.99, 0.95, 0.2, 5e-4
 def turbines(count: int) -> gymnasium.vector.VectorEnv:
     """Turbines side by side; an episode's end and the next one's beginning fall into one step."""
     return gymnasium.make_vec(
-        "flapgym/NREL5MW-v0",
+        "flapgym/NREL5MW-v1",
         num_envs=count,
         observe=("rbm", "flap_angle", "flap_rate"),
         duration=40.0,

@@ -21,7 +21,7 @@ from flapgym.envs.sb3 import FlapVecEnv
 def environment(turbines: int, seed: int) -> VecMonitor:
     """Turbines side by side, each blade an environment of its own that sees its moment, flap angle and flap rate."""
     vector = gymnasium.make_vec(
-        "flapgym/NREL5MW-v0",
+        "flapgym/NREL5MW-v1",
         num_envs=turbines,
         observe=("rbm", "flap_angle", "flap_rate"),
         duration=40.0,

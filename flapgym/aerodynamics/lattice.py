@@ -133,7 +133,7 @@ def wake_ages(time_step: float, rows: int) -> Array:
     """
     if rows < 1:
         raise ValueError(f"wake rows: expected at least 1, got {rows}")
-    return (np.arange(rows + 1) + SHED_AGE) * time_step
+    return np.asarray((np.arange(rows + 1) + SHED_AGE) * time_step)
 
 
 def wake_nodes(lattice: Lattice, inflow: Inflow, ages: Array) -> Array:

@@ -4,6 +4,6 @@
 none of the physics behind it.
 """
 
-from flapgym.aeroelastic.model import TurbineModel, builtin_models, load_model, save_model
+from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, builtin_models, load_model, save_model
 
-__all__ = ["TurbineModel", "builtin_models", "load_model", "save_model"]
+__all__ = ["DEFAULT_MODEL", "TurbineModel", "builtin_models", "load_model", "save_model"]

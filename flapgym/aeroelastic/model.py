@@ -25,6 +25,8 @@ from flapgym.atomic import write_atomically
 from flapgym.state_space import Array, StateSpace
 
 FORMAT_VERSION = 2
+DEFAULT_MODEL = "nrel5mw-corrected"
+"""The shipped model meant where none is named."""
 _SYSTEMS = ("turbine", "blade")
 _MATRICES = ("A", "B", "C", "D")
 _REAL, _COMPLEX = ("left", "right"), ("core", "forcing")  # of the periodic part
@@ -199,7 +201,7 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     write_atomically(path, safetensors.numpy.save(tensors, metadata))
 
 
-def load_model(name: str | os.PathLike[str] = "nrel5mw-rated") -> TurbineModel:
+def load_model(name: str | os.PathLike[str] = DEFAULT_MODEL) -> TurbineModel:
     """Read a model shipped with the package by its name, or a model file by its path.
 
     Raises

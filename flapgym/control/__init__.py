@@ -1,7 +1,14 @@
 """Controllers: the Agent protocol, PD, PID and LQG, trained policies in numpy (paper sections III, IV.C)."""
 
 from flapgym.control.agent import Agent, OpenLoop
-from flapgym.control.agent_files import AGENT_NAMES, agent_design, load_agent, made_for, save_agent
+from flapgym.control.agent_files import (
+    AGENT_NAMES,
+    AGENT_SETS,
+    agent_design,
+    load_agent,
+    made_for,
+    save_agent,
+)
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
 from flapgym.control.lqg import DesignModel, Weights, design_model, lqg_agent, synthesise, white_wind
@@ -13,6 +20,7 @@ from flapgym.control.rotor_controller import RotorController
 
 __all__ = [
     "AGENT_NAMES",
+    "AGENT_SETS",
     "Agent",
     "BladeController",
     "DesignModel",

@@ -18,7 +18,7 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel
 from flapgym.atomic import write_atomically
 from flapgym.control.agent import Agent, OpenLoop
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
@@ -40,6 +40,8 @@ AGENT_NAMES = (
     "sac",
 )
 """The agents of the comparison, in the order of its table."""
+AGENT_SETS = (DEFAULT_MODEL, "nrel5mw-rated")
+"""The shipped models that have agents of their own, tuned and trained on them by the same rules."""
 
 
 def made_for(agent: Agent, model: TurbineModel) -> bool:
@@ -50,7 +52,9 @@ def made_for(agent: Agent, model: TurbineModel) -> bool:
 def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     """A shipped agent by its name, or one from its .json file, ready for `model`.
 
-    An agent made for another model is returned all the same; `made_for` tells.
+    A plain name means the agent of the set made for the model, or of the first of `AGENT_SETS` where none is;
+    "nrel5mw-rated/lqg" names one of a set whatever the model. An agent made for another model is returned all the same;
+    `made_for` tells.
 
     Raises
     ------
@@ -59,7 +63,7 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     """
     if str(name) == OpenLoop.name:
         return OpenLoop()
-    path = _find(name)
+    path = _find(name, model)
     header, tensors = _read(path)
     try:
         if header["kind"] == "blade_controller":
@@ -75,9 +79,9 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     )
 
 
-def agent_design(name: str | os.PathLike[str]) -> dict[str, Any]:
-    """How a shipped agent, or one of a .json file, was made: its weights or gains and what was found about it."""
-    return dict(_read(_find(name))[0]["design"])
+def agent_design(name: str | os.PathLike[str], model: TurbineModel) -> dict[str, Any]:
+    """How an agent, named as for `load_agent`, was made: its weights or gains and what was found about it."""
+    return dict(_read(_find(name, model))[0]["design"])
 
 
 def save_agent(
@@ -143,11 +147,10 @@ def save_agent(
     write_atomically(target, (json.dumps(header, indent=2) + "\n").encode())
 
 
-def _find(name: str | os.PathLike[str]) -> Path:
-    folder = Path(str(resources.files("flapgym.control") / "agents"))
-    shipped = {each: folder / f"{each}.json" for each in AGENT_NAMES if each != OpenLoop.name}
-    if str(name) in shipped:
-        return shipped[str(name)]
+def _find(name: str | os.PathLike[str], model: TurbineModel) -> Path:
+    chosen, _, plain = str(name).rpartition("/")
+    if plain in AGENT_NAMES and plain != OpenLoop.name and chosen in ("", *AGENT_SETS):
+        return _folder(chosen or _set_for(model)) / f"{plain}.json"
     path = Path(name)
     if path.suffix != ".json":
         raise ValueError(
@@ -158,6 +161,16 @@ def _find(name: str | os.PathLike[str]) -> Path:
             f"agent {name}: no such file; give the path of an agent's .json file, or one of {', '.join(AGENT_NAMES)}"
         )
     return path
+
+
+def _folder(chosen: str) -> Path:
+    return Path(str(resources.files("flapgym.control") / "agents" / chosen))
+
+
+def _set_for(model: TurbineModel) -> str:
+    """The set of agents made for a model; the first where none is."""
+    own = (each for each in AGENT_SETS if _read(_folder(each) / "pd.json")[0]["model_hash"] == model.hash)
+    return next(own, AGENT_SETS[0])
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:

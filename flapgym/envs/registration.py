@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import gymnasium
 
-TURBINE_ID = "flapgym/NREL5MW-v0"
+TURBINE_ID = "flapgym/NREL5MW-v1"
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,8 @@ class Registered:
         Keywords that differ from the defaults of its class.
     single, vector : str
         Where the classes are.
+    agents : str
+        The set of shipped agents made for its turbine: a folder of `flapgym/control/agents`.
     """
 
     id: str
@@ -31,62 +33,81 @@ class Registered:
     keywords: Mapping[str, Any] = field(default_factory=dict)
     single: str = "flapgym.envs.single:FlapEnv"
     vector: str = "flapgym.envs.vector:FlapVectorEnv"
+    agents: str = "nrel5mw-corrected"
 
 
-ENVIRONMENTS = (
-    Registered(TURBINE_ID, "The turbine of three blades in homogeneous turbulence."),
+_FAMILIES = (
+    Registered("flapgym/NREL5MW", "The turbine of three blades in homogeneous turbulence."),
     Registered(
-        "flapgym/NREL5MWBlade-v0",
+        "flapgym/NREL5MWBlade",
         "The clamped single blade, the paper's design model: one flap, one moment.",
         single="flapgym.envs.blade:BladeEnv",
         vector="flapgym.envs.blade:BladeVectorEnv",
     ),
     Registered(
-        "flapgym/NREL5MWGust-v0",
+        "flapgym/NREL5MWGust",
         "The turbine in an extreme operating gust, in still air otherwise. The gust is that of IEC 61400-1 (2005) for "
         "class IA; it begins after 5 s and raises the wind by 4.2 m/s at its peak. Azimuth is all that differs between "
         "episodes.",
         {"gust": {"kind": "extreme_operating_gust", "start": 5.0}, "turbulence_intensity": 0.0},
     ),
     Registered(
-        "flapgym/NREL5MWNoisyDelayed-v0",
-        "The turbine whose moments are measured late and with noise. White noise of 20 kN m rms (2.3 % of the "
+        "flapgym/NREL5MWNoisyDelayed",
+        "The turbine whose moments are measured late and with noise. White noise of 20 kN m rms (some 2 % of the "
         "open-loop rms) and a delay of 49 ms, seven plant steps.",
         {"measurement_noise": 2e4, "sensor_delay": 0.049},
     ),
     Registered(
-        "flapgym/NREL5MWActuatorLag-v0",
+        "flapgym/NREL5MWActuatorLag",
         "The turbine whose flaps lag behind their commands. A flap's acceleration follows its command with a "
         "first-order lag of 50 ms; a controller that does not know of it loses phase.",
         {"actuator_lag": 0.05},
     ),
     Registered(
-        "flapgym/NREL5MWStuckFlap-v0",
+        "flapgym/NREL5MWStuckFlap",
         "The turbine with the flap of blade 2 stuck at 5 deg. Its commands are ignored. The blade carries the steady "
         "load of that angle, which no other flap can take off: doing nothing earns about -1.05 a step here.",
         {"stuck_flaps": [None, 0.08726646259971647, None]},
     ),
     Registered(
-        "flapgym/NREL5MWFloatingFlap-v0",
+        "flapgym/NREL5MWFloatingFlap",
         "The turbine with the flap of blade 2 floating. Its actuator moves as commanded, but the flap has come loose "
         "and aligns itself with the flow: it does nothing to the air.",
         {"flap_effectiveness": [1.0, 0.0, 1.0]},
     ),
     Registered(
-        "flapgym/NREL5MWWeakFlap-v0",
+        "flapgym/NREL5MWWeakFlap",
         "The turbine whose flap on blade 3 does 60 % of what the others do.",
         {"flap_effectiveness": [1.0, 1.0, 0.6]},
     ),
     Registered(
-        "flapgym/NREL5MWHeavyBlade-v0",
+        "flapgym/NREL5MWHeavyBlade",
         "The turbine with blade 1 heavier by 5 %, as ice can make it. The rotor is out of balance: the model follows "
         "the azimuth, and in still air the tower top moves 26 mm to either side once a revolution, the root moments "
         "hardly. It is stepped sample by sample in numpy, whatever `kernel` and `precision` say, at about a hundredth "
         "of the others' speed.",
-        {"model": "nrel5mw-heavy-blade"},
+        {"model": "nrel5mw-corrected-heavy-blade"},
     ),
 )
-"""Every environment of the package."""
+_PAPER = "nrel5mw-rated"
+_PAPER_MODELS = {"nrel5mw-corrected-heavy-blade": "nrel5mw-heavy-blade"}
+
+
+def _of_the_paper(entry: Registered) -> Registered:
+    """Version 0 of an environment: the same on the turbine as the paper reads it."""
+    model = entry.keywords.get("model")
+    keywords = {**entry.keywords, "model": _PAPER if model is None else _PAPER_MODELS[model]}
+    summary = (
+        f"{entry.summary} Version 0 is the turbine as the paper reads it, its beam at the quarter chords."
+    )
+    return replace(entry, id=f"{entry.id}-v0", summary=summary, keywords=keywords, agents=_PAPER)
+
+
+ENVIRONMENTS = (
+    *(replace(entry, id=f"{entry.id}-v1") for entry in _FAMILIES),
+    *(_of_the_paper(entry) for entry in _FAMILIES),
+)
+"""Every environment of the package: version 1 on the turbine held to OpenFAST, version 0 on the paper's."""
 
 
 def register_environments() -> None:

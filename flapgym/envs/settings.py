@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel, load_model
+from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
 from flapgym.turbulence import gust_of
@@ -36,7 +36,7 @@ LIMITS = {
 class Settings:
     """What can be chosen about an environment; the manual is the docstring of `FlapEnv`."""
 
-    model: str | os.PathLike[str] | TurbineModel = "nrel5mw-rated"
+    model: str | os.PathLike[str] | TurbineModel = DEFAULT_MODEL
     wind_speed: float | None = None
     turbulence_intensity: float | Sequence[float] = 0.10
     length_scale: float = 147.0

@@ -113,7 +113,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | keyword | default | meaning |
     |---|---|---|
-    | `model` | `"nrel5mw-rated"` | name of a shipped model, or a model file of `flapgym build` |
+    | `model` | `"nrel5mw-corrected"` | name of a shipped model, or a model file of `flapgym build` |
     | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
     | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air; `FlapVectorEnv` takes several |
     | `length_scale` | 147.0 | of the von Karman spectrum [m], 1 to 100,000 |

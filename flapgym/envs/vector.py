@@ -37,7 +37,7 @@ NO_TURBINES = np.empty(0, dtype=np.int64)
 class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     """Many turbines at once; task and keywords are those of `FlapEnv`, whose trajectories it gives for the same seeds.
 
-    `gymnasium.make_vec("flapgym/NREL5MW-v0", num_envs=1024)` makes it. Environment i has its own generator:
+    `gymnasium.make_vec("flapgym/NREL5MW-v1", num_envs=1024)` makes it. Environment i has its own generator:
     `reset(seed=s)` seeds it with s + i, a list gives one seed each. Reset options may be single values or have a
     leading axis of environments. `info` holds one array a name, with the mask `_name` of Gymnasium beside it.
 

@@ -1,7 +1,7 @@
 """Other actions for the same environments: target angles, and corrections to what an agent does.
 
-    env = TargetAngle(gymnasium.make("flapgym/NREL5MW-v0"))
-    env = Residual(gymnasium.make("flapgym/NREL5MW-v0", observe=..., steps_per_action=1), "lqg", scale=0.3)
+    env = TargetAngle(gymnasium.make("flapgym/NREL5MW-v1"))
+    env = Residual(gymnasium.make("flapgym/NREL5MW-v1", observe=..., steps_per_action=1), "lqg", scale=0.3)
 
 The same for the vector environment stands in `flapgym.envs.vector_wrappers`.
 """

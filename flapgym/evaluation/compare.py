@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from tqdm import tqdm
 
-from flapgym.aeroelastic.model import TurbineModel, load_model
+from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.growth import Growth, agent_growth
 from flapgym.evaluation.bootstrap import Estimate, paired_change
@@ -115,7 +115,7 @@ class Plan:
 
 def plan(
     agents: Sequence[str | os.PathLike[str] | Agent] = AGENT_NAMES,
-    model: TurbineModel | str | os.PathLike[str] = "nrel5mw-rated",
+    model: TurbineModel | str | os.PathLike[str] = DEFAULT_MODEL,
     realisations: int = PAPER_REALISATIONS,
     seed: int = SCORED_SEED,
     duration: float | None = None,
@@ -167,7 +167,7 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
 
 def compare(
     agents: Sequence[str | os.PathLike[str] | Agent] = AGENT_NAMES,
-    model: TurbineModel | str | os.PathLike[str] = "nrel5mw-rated",
+    model: TurbineModel | str | os.PathLike[str] = DEFAULT_MODEL,
     realisations: int = PAPER_REALISATIONS,
     seed: int = SCORED_SEED,
     duration: float | None = None,

@@ -10,7 +10,7 @@ from flapgym.turbine.case import (
     Reduction,
     Turbulence,
 )
-from flapgym.turbine.files import BUILT_IN, load_case, load_turbine
+from flapgym.turbine.files import BUILT_IN, DEFAULT_CASE, load_case, load_turbine
 from flapgym.turbine.machine import (
     Airfoil,
     BladeSections,
@@ -27,6 +27,7 @@ from flapgym.turbine.machine import (
 
 __all__ = [
     "BUILT_IN",
+    "DEFAULT_CASE",
     "Airfoil",
     "Airloads",
     "BladeSections",

@@ -20,9 +20,10 @@ from flapgym.turbine.machine import Turbine
 
 T = TypeVar("T")
 
+DEFAULT_CASE = "nrel5mw-corrected"
 BUILT_IN = {
     "turbine": ("nrel5mw",),
-    "case": ("nrel5mw-corrected", "nrel5mw-corrected-heavy-blade", "nrel5mw-rated", "nrel5mw-heavy-blade"),
+    "case": (DEFAULT_CASE, "nrel5mw-corrected-heavy-blade", "nrel5mw-rated", "nrel5mw-heavy-blade"),
 }
 
 
@@ -39,7 +40,7 @@ def load_turbine(name_or_path: str | os.PathLike[str] = "nrel5mw") -> Turbine:
     return _load(Turbine, _find(name_or_path, "turbine", Path()), "turbine")
 
 
-def load_case(name_or_path: str | os.PathLike[str] = "nrel5mw-rated") -> Case:
+def load_case(name_or_path: str | os.PathLike[str] = DEFAULT_CASE) -> Case:
     """Read a case by its built-in name or from a TOML file; raises as `load_turbine`."""
     return _load(Case, _find(name_or_path, "case", Path()), "case")
 

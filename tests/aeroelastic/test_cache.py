@@ -13,7 +13,7 @@ from flapgym.aeroelastic.cache import cache_folder, cached_model
 from flapgym.aeroelastic.record import Flutter
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 FLUTTER = Flutter(searched=1.0, speed=0.5, frequency=3.0)
 
 
@@ -25,7 +25,9 @@ def kept(tmp_path, monkeypatch):
 
     def build(case, progress=None):
         built.append(case.name)
-        return replace(load_model(), name=case.name, inputs_hash=case.hash(), case=case.to_dict())
+        return replace(
+            load_model("nrel5mw-rated"), name=case.name, inputs_hash=case.hash(), case=case.to_dict()
+        )
 
     monkeypatch.setattr(cache, "build_model", build)
     monkeypatch.setattr(cache, "find_flutter", lambda case: FLUTTER)
@@ -97,7 +99,7 @@ def _worker(folder, log, barrier):
     def build(case, progress=None):
         with open(log, "a") as file:
             file.write("built\n")
-        return replace(load_model(), inputs_hash=case.hash())
+        return replace(load_model("nrel5mw-rated"), inputs_hash=case.hash())
 
     cache.build_model, cache.find_flutter = build, lambda case: FLUTTER
     barrier.wait()

@@ -7,7 +7,7 @@ from flapgym.aeroelastic import load_model
 from flapgym.aeroelastic.compact import activity, compact_model
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 
-MODEL = load_model()
+MODEL = load_model("nrel5mw-rated")
 
 
 def test_compact_model_keeps_every_output_within_its_tolerance_in_simulation():

@@ -16,7 +16,7 @@ from flapgym.aeroelastic.transform import spread_matrix, step_in_multiblade
 from flapgym.state_space import StateSpace
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 STEPS = 120  # a revolution
 STEP = 2.0 * np.pi / (CASE.rotor_speed * STEPS)
 MODES, TOWER, AIR = 3, 4, 8

@@ -13,7 +13,7 @@ from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import linear_blade, linear_support
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 MODES = 4
 
 

@@ -17,7 +17,7 @@ from flapgym.turbine import load_case
 @pytest.fixture(scope="module")
 def built():
     """Parts and rotor lattice of a coarse case."""
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     grid = replace(case.discretisation, chordwise_panels=3, wake_length=0.1)
     reduction = replace(case.reduction, blade_modes=3, tower_modes=4, aerodynamic_states=12)
     case = replace(case, discretisation=grid, reduction=reduction)

@@ -19,7 +19,7 @@ FREQUENCY = np.array([0.05, 0.3, 1.0, 3.0])
 @pytest.fixture(scope="module", params=["at once", "convected"])
 def built(request):
     """Parts, rotor and nearly all states of a coarse case: four strips, a wake of eight rows."""
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     grid = replace(
         case.discretisation, first_lattice_node=8, chordwise_panels=3, wake_length=0.005, gust=request.param
     )

@@ -8,7 +8,7 @@ import scipy.signal
 from flapgym.aeroelastic import load_model
 from flapgym.aeroelastic.export import save_mat, to_control, to_dlti
 
-BLADE = load_model().blade
+BLADE = load_model("nrel5mw-rated").blade
 FREQUENCY = np.array([0.05, 0.5, 2.0])
 
 
@@ -27,7 +27,7 @@ def test_scipy_simulates_the_same_step():
 
 
 def test_matlab_file_holds_matrices_names_and_hash(tmp_path):
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     save_mat(model, tmp_path / "model.mat")
     content = scipy.io.loadmat(tmp_path / "model.mat", simplify_cells=True)
     np.testing.assert_array_equal(content["turbine"]["A"], model.turbine.A)

@@ -87,7 +87,7 @@ def test_section_flutters_where_theodorsen_says(section):
     assert frequency == pytest.approx(ratio, rel=0.02)
 
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 
 
 def blade(shift):

@@ -16,7 +16,7 @@ from flapgym.structure import linear_blade
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 RNG = np.random.default_rng(2)
 
 

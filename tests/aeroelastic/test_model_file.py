@@ -12,7 +12,7 @@ from flapgym.turbine import load_case
 
 
 def test_saved_model_is_loaded_as_it_was(tmp_path):
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     save_model(model, tmp_path / "model.safetensors")
     again = load_model(tmp_path / "model.safetensors")
     for name in ("A", "B", "C", "D"):
@@ -47,13 +47,13 @@ def test_a_case_given_for_a_model_is_told_how_it_becomes_one(tmp_path):
 
 def test_a_model_saved_where_no_folder_is_names_the_folder(tmp_path):
     with pytest.raises(FileNotFoundError, match="no folder .*nowhere; make it first"):
-        save_model(load_model(), tmp_path / "nowhere" / "model.safetensors")
+        save_model(load_model("nrel5mw-rated"), tmp_path / "nowhere" / "model.safetensors")
 
 
 @pytest.mark.parametrize("cut", [0, 10, 5000])
 def test_truncated_file_is_named_as_damaged(tmp_path, cut):
     path = tmp_path / "cut.safetensors"
-    save_model(load_model(), path)
+    save_model(load_model("nrel5mw-rated"), path)
     path.write_bytes(path.read_bytes()[:cut])
     with pytest.raises(ValueError, match="damaged or not a model file"):
         load_model(path)
@@ -61,7 +61,7 @@ def test_truncated_file_is_named_as_damaged(tmp_path, cut):
 
 def test_changed_matrix_is_named_as_damaged(tmp_path):
     path = tmp_path / "flipped.safetensors"
-    save_model(load_model(), path)
+    save_model(load_model("nrel5mw-rated"), path)
     content = bytearray(path.read_bytes())
     content[-3] ^= 0x10
     path.write_bytes(content)
@@ -71,7 +71,7 @@ def test_changed_matrix_is_named_as_damaged(tmp_path):
 
 def test_changed_header_is_named_as_damaged(tmp_path):
     path = tmp_path / "header.safetensors"
-    save_model(load_model(), path)
+    save_model(load_model("nrel5mw-rated"), path)
     content = path.read_bytes()
     assert content.count(b'\\"wind_speed\\": 11.0') >= 1
     path.write_bytes(content.replace(b'\\"wind_speed\\": 11.0', b'\\"wind_speed\\": 17.0'))
@@ -88,7 +88,7 @@ def test_other_safetensors_file_is_no_model(tmp_path):
 
 def test_other_format_version_is_refused(tmp_path):
     path = tmp_path / "future.safetensors"
-    save_model(replace(load_model(), format_version=99), path)
+    save_model(replace(load_model("nrel5mw-rated"), format_version=99), path)
     with pytest.raises(ValueError, match="format version 99"):
         load_model(path)
 
@@ -102,7 +102,7 @@ def test_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
 
     monkeypatch.setattr("flapgym.atomic.os.replace", fail)
     with pytest.raises(OSError, match="disk full"):
-        save_model(load_model(), path)
+        save_model(load_model("nrel5mw-rated"), path)
     assert path.read_text() == "old"
     assert [item.name for item in tmp_path.iterdir()] == ["model.safetensors"]
 

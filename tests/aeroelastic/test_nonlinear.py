@@ -20,7 +20,7 @@ DT, STEPS = 0.025, 50
 @pytest.fixture(scope="module")
 def turbines():
     """The linear and the non-linear turbine of one coarse lattice."""
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     grid = replace(case.discretisation, chordwise_panels=3, wake_length=0.1, time_step=DT)
     case = replace(case, discretisation=grid)
     parts, rotor = assemble_parts(case)

@@ -11,7 +11,7 @@ from flapgym.structure import linear_blade
 from flapgym.turbine import load_case
 from flapgym.turbulence import von_karman_spectrum
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 FREQUENCY = np.geomspace(0.02, 3.0, 40)
 Z = np.exp(2j * np.pi * FREQUENCY * CASE.discretisation.time_step)
 

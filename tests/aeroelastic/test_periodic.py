@@ -21,7 +21,7 @@ from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import assemble, linear_blade, linear_support
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 
 
 def turbine_parts(modes, tower_modes, damping):

@@ -15,7 +15,7 @@ from flapgym.reduction import output_rms
 from flapgym.state_space import StateSpace, series
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 DT = CASE.discretisation.time_step
 
 

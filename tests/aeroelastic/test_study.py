@@ -14,7 +14,7 @@ from flapgym.structure.beam import tangent
 from flapgym.structure.support import tower_beam
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 MODES = 72
 
 

@@ -10,7 +10,7 @@ from flapgym.structure import linear_blade
 from flapgym.structure.rotation import rigid_displacement, rotation_vector
 from flapgym.turbine import load_case
 
-CASE = load_case()
+CASE = load_case("nrel5mw-rated")
 # A coarse lattice with a short wake, where only the path to balance matters.
 COARSE = replace(CASE, discretisation=replace(CASE.discretisation, chordwise_panels=3, wake_length=0.05))
 

@@ -35,7 +35,7 @@ def short(monkeypatch):
     monkeypatch.setattr(program, "QUICK_DURATION", 4.0)
     monkeypatch.setattr(program, "QUICK", {"lqg"})
     # The real one takes as long as a build; here the tower's top and the flapwise moments stand for its outputs.
-    chosen = load_model().turbine.select(
+    chosen = load_model("nrel5mw-rated").turbine.select(
         outputs=("rbm_0", "rbm_c", "rbm_s", "tower_fore_aft", "tower_side_side")
     )
     monkeypatch.setattr(program, "study_turbine", lambda case: replace(chosen, outputs=STUDY_OUTPUTS))
@@ -187,11 +187,11 @@ def test_what_grows_and_what_has_no_bound_is_said():
 
 def test_a_model_of_other_inputs_than_the_case_is_refused(tmp_path):
     with pytest.raises(ValueError, match="built from other inputs"):
-        Plants(MODEL, load_case(), Cache(tmp_path, "a"))
+        Plants(MODEL, load_case("nrel5mw-rated"), Cache(tmp_path, "a"))
 
 
 def test_the_roots_sway_has_the_hubs_velocity():
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     wind = swaying_wind(model)
     rms = np.sqrt(np.diag(wind.C @ wind.stationary_covariance() @ wind.C.T))
     assert wind.outputs == ("wind", "hub_velocity", "hub_acceleration")
@@ -223,7 +223,7 @@ def test_printed_tables_are_read_back():
 
 
 def test_table_2_differs_where_the_paper_misprints_it(tmp_path):
-    section = table_2(load_case(), Cache(tmp_path, "a"))
+    section = table_2(load_case("nrel5mw-rated"), Cache(tmp_path, "a"))
     rows = [row for table in section.content if isinstance(table, Table) for row in table.rows]
     assert len(rows) == 2 * 13
     errors = {cell.split("(")[1] for row in rows for cell in row[2:]}

@@ -52,7 +52,7 @@ def test_what_else_the_flaps_do_is_what_the_simulation_says_they_do():
 
 
 def test_variations_change_one_thing_each():
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     hashes = {
         case.hash(),
         unscaled_flap(case).hash(),

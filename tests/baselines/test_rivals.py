@@ -129,7 +129,7 @@ def test_the_plan_is_played_back_as_planned():
 
 
 def test_the_small_response_is_the_turbines():
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     response = flap_response(model, model.turbine)
     full = model.turbine.select(["flap_angle_0", "flap_rate_0"], ["rbm_0"])
     assert response.order < 40

@@ -49,7 +49,7 @@ def test_forms_of_the_plant_are_timed_by_steps_of_each_turbine():
 
 
 def test_the_plants_work_is_counted_from_its_modes():
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     assert limits.work_per_step(model, 5) == 137 * (2 * 21 + 4 + 12 * 5) / 5
     assert limits.memory_per_turbine(model, 572, 5, "float32") < limits.memory_per_turbine(
         model, 572, 5, "float64"

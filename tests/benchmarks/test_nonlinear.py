@@ -12,7 +12,7 @@ from flapgym.plant.reference import run
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model()
+    return load_model("nrel5mw-rated")
 
 
 def test_open_loop_is_the_models_response_to_the_wind(model):

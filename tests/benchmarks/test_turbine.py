@@ -23,7 +23,7 @@ from flapgym.turbulence import von_karman_spectrum
 
 @pytest.fixture(scope="module")
 def study():
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     grid = replace(case.discretisation, chordwise_panels=3, wake_length=0.05)
     reduction = replace(case.reduction, blade_modes=4, tower_modes=6, aerodynamic_states=15)
     return Study(replace(case, discretisation=grid, reduction=reduction))
@@ -104,7 +104,7 @@ def test_time_of_a_step_is_the_difference_of_long_and_short_run():
 
 
 def test_tips_rms_is_the_integral_of_the_spectrum_over_frequency():
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     frequency = np.geomspace(1e-4, 20.0, 700)
     response = model.turbine.select(inputs=["wind"], outputs=TIPS).frequency_response(frequency)[:, :, 0]
     power = np.abs(response) ** 2 * von_karman_spectrum(frequency, 11.0, 0.10, 147.0)[:, None]
@@ -116,7 +116,7 @@ def test_tips_rms_is_the_integral_of_the_spectrum_over_frequency():
 
 def test_blades_part_in_turbulence_by_a_few_percent():
     """Figure 11: "altered slightly from one another"."""
-    turns, wind, tips = simulate_tips(load_model(), 3, seed=2)
+    turns, wind, tips = simulate_tips(load_model("nrel5mw-rated"), 3, seed=2)
     assert turns[-1] == pytest.approx(3.0, abs=0.01)
     apart = np.abs(tips - tips.mean(axis=1, keepdims=True)).max()
     assert 0.01 < apart / np.abs(tips).max() < 0.3

@@ -23,7 +23,7 @@ from flapgym.turbine import load_case
 
 def test_linear_response_is_the_small_limit_of_the_march():
     """A gust that rises and turns past half a diameter of wake, in the bound circulations."""
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     grid = replace(case.discretisation, chordwise_panels=3, time_step=0.07, wake_length=0.5)
     case = replace(case, discretisation=grid)
     aero = build_aerodynamics(case)
@@ -37,7 +37,7 @@ def test_linear_response_is_the_small_limit_of_the_march():
 
 
 def test_step_of_wind_has_the_level_of_the_free_wake_with_its_lift_slopes():
-    case = load_case()
+    case = load_case("nrel5mw-rated")
     shed = shed_by(case)
     found = step_responses(case, wake_transport(case, shed), shed, working_slopes(case))
     for name, within in (("moving, 2 D", 0.07), ("short and state", 0.08)):

@@ -21,7 +21,7 @@ from flapgym.envs.observation import QUANTITIES
 from flapgym.envs.settings import LIMITS
 from tests.synthetic import synthetic_model
 
-ID = "flapgym/NREL5MW-v0"
+ID = "flapgym/NREL5MW-v1"
 EVERYTHING = tuple(QUANTITIES)
 
 
@@ -64,7 +64,7 @@ def test_actions_that_came_from_another_process_act_like_any_other(model_file, d
 
 
 def test_a_module_prefix_registers_the_environment():
-    code = 'import gymnasium; print(gymnasium.make("flapgym:flapgym/NREL5MW-v0").spec.id)'
+    code = 'import gymnasium; print(gymnasium.make("flapgym:flapgym/NREL5MW-v1").spec.id)'
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == ID
 
 

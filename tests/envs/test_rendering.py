@@ -24,7 +24,7 @@ def _run(env, actions):
 
 
 def test_a_frame_is_a_picture_that_changes_with_the_state(model_file):
-    env = gymnasium.make("flapgym/NREL5MW-v0", model=model_file, render_mode="rgb_array")
+    env = gymnasium.make("flapgym/NREL5MW-v1", model=model_file, render_mode="rgb_array")
     still = _run(env, np.zeros((30, 3))).render()
     moved = _run(env, np.tile([1.0, 0.0, -1.0], (30, 1))).render()
     assert still.shape == (480, 640, 3)
@@ -39,7 +39,7 @@ def test_a_frame_is_a_picture_that_changes_with_the_state(model_file):
 def test_pictures_of_a_vector_are_those_of_its_environments_through_an_autoreset(model_file, mode):
     keywords = {"model": model_file, "duration": 0.2, "render_mode": "rgb_array"}
     mode = gymnasium.vector.AutoresetMode(mode)
-    many = gymnasium.make_vec("flapgym/NREL5MW-v0", num_envs=2, autoreset_mode=mode, **keywords)
+    many = gymnasium.make_vec("flapgym/NREL5MW-v1", num_envs=2, autoreset_mode=mode, **keywords)
     each = gymnasium.vector.SyncVectorEnv([lambda: FlapEnv(**keywords)] * 2, autoreset_mode=mode)
     for env in (many, each):
         env.reset(seed=0)
@@ -122,7 +122,7 @@ def test_seen_from_upwind_the_rotor_turns_clockwise():
 
 
 def test_human_mode_opens_and_closes(model_file):
-    env = gymnasium.make("flapgym/NREL5MW-v0", model=model_file, render_mode="human")
+    env = gymnasium.make("flapgym/NREL5MW-v1", model=model_file, render_mode="human")
     _run(env, np.zeros((3, 3)))
     assert pygame.display.get_init()
     env.close()
@@ -130,7 +130,7 @@ def test_human_mode_opens_and_closes(model_file):
 
 
 def test_rendering_without_a_mode_says_what_is_missing(model_file):
-    env = gymnasium.make("flapgym/NREL5MW-v0", model=model_file)
+    env = gymnasium.make("flapgym/NREL5MW-v1", model=model_file)
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode"):
         env.unwrapped.render()

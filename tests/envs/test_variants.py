@@ -61,7 +61,7 @@ def test_a_recorded_gust_is_made_again_from_json(tmp_path):
     path = tmp_path / "wind.csv"
     path.write_text("time [s], wind [m/s]\n0, 12\n10, 12\n30, 10\n")
     env = gymnasium.make(
-        "flapgym/NREL5MW-v0",
+        "flapgym/NREL5MW-v1",
         gust={"kind": "recorded", "file": str(path)},
         turbulence_intensity=0.0,
         duration=5.0,

@@ -86,7 +86,7 @@ def test_without_autoreset_the_mask_says_who_begins_anew():
 
 
 def test_make_vec_takes_the_native_environment_and_a_json_able_mode(model_file):
-    env = gymnasium.make_vec("flapgym/NREL5MW-v0", num_envs=5, model=model_file, autoreset_mode="SameStep")
+    env = gymnasium.make_vec("flapgym/NREL5MW-v1", num_envs=5, model=model_file, autoreset_mode="SameStep")
     assert isinstance(env.unwrapped, FlapVectorEnv)
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     observation, _ = env.reset(seed=[5, 4, 3, 2, 1])

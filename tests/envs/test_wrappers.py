@@ -87,7 +87,7 @@ def test_target_angles_are_reached_without_overshoot_through_a_lag(steps_per_act
 @pytest.mark.parametrize("steps_per_action", [1, 5])
 def test_target_angles_are_reached_and_held(model_file, steps_per_action):
     env = TargetAngle(
-        gymnasium.make("flapgym/NREL5MW-v0", model=model_file, steps_per_action=steps_per_action)
+        gymnasium.make("flapgym/NREL5MW-v1", model=model_file, steps_per_action=steps_per_action)
     )
     env.reset(seed=0, options={"flap_angle": [0.1, 0.0, -0.05], "flap_rate": [0.0, 0.5, 0.0]})
     action = np.array([0.5, -1.0, 0.8], dtype=np.float32)
@@ -100,8 +100,8 @@ def test_target_angles_are_reached_and_held(model_file, steps_per_action):
 def _wrapped(model_file):
     keywords = dict(FULL, model=model_file)
     return [
-        TargetAngle(gymnasium.make("flapgym/NREL5MW-v0", **keywords)),
-        Residual(gymnasium.make("flapgym/NREL5MW-v0", **keywords), "pd", scale=0.3, hold=5),
+        TargetAngle(gymnasium.make("flapgym/NREL5MW-v1", **keywords)),
+        Residual(gymnasium.make("flapgym/NREL5MW-v1", **keywords), "pd", scale=0.3, hold=5),
     ]
 
 

@@ -16,7 +16,9 @@ from tests.plant.plants import KERNELS, plant_of, rest
 from tests.synthetic import synthetic_model
 
 
-@pytest.mark.parametrize("model", [synthetic_model(), load_model()], ids=["synthetic", "shipped"])
+@pytest.mark.parametrize(
+    "model", [synthetic_model(), load_model("nrel5mw-rated")], ids=["synthetic", "shipped"]
+)
 def test_a_gust_loads_the_turbine_as_stepping_its_matrices_does(model):
     time = model.time_step * np.arange(2501)
     wind = gust_of({"kind": "extreme_operating_gust", "start": 2.0}).wind(time, model.wind_speed)
@@ -38,7 +40,7 @@ def test_a_gust_loads_the_turbine_as_stepping_its_matrices_does(model):
 
 
 def test_a_wind_that_always_blew_finds_the_turbine_in_equilibrium():
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     response = wind_response(wind_modes(model), np.full(300, 1.5), 1.5)
     steady = 1.5 * model.turbine.select(inputs=["wind"]).dc_gain()[:, 0]
     np.testing.assert_allclose(

@@ -27,7 +27,7 @@ def test_the_model_is_the_one_of_its_case(heavy):
 
 
 def test_its_mean_is_nearly_the_balanced_turbine(heavy):
-    gain, balanced = (model.turbine.dc_gain() for model in (heavy, load_model()))
+    gain, balanced = (model.turbine.dc_gain() for model in (heavy, load_model("nrel5mw-rated")))
     np.testing.assert_allclose(gain[0, [0, 6]], balanced[0, [0, 6]], rtol=0.02)
 
 
@@ -47,7 +47,7 @@ def test_no_reset_waits_for_an_import():
 import sys
 import gymnasium
 import flapgym
-env = gymnasium.make("flapgym/NREL5MWHeavyBlade-v0")
+env = gymnasium.make("flapgym/NREL5MWHeavyBlade-v1")
 known = set(sys.modules)
 env.reset(seed=0)
 print(set(sys.modules) - known)

@@ -18,7 +18,7 @@ from tests.synthetic import synthetic_model
 
 
 def test_the_steady_motion_under_stuck_flaps_is_the_one_that_marching_keeps():
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     flap = modal_form(model.turbine.select(inputs=model.turbine.inputs[:6]))
     turn, angle, theta = model.rotor_speed * model.time_step, np.array([0.0, 0.08, -0.03]), 0.7
     z = stuck_modes(flap, angle, np.array([theta]), turn)[0]
@@ -31,7 +31,7 @@ def test_the_steady_motion_under_stuck_flaps_is_the_one_that_marching_keeps():
 
 
 def test_equal_stuck_flaps_load_the_turbine_as_its_steady_gain_says():
-    model = load_model()
+    model = load_model("nrel5mw-rated")
     flap = modal_form(model.turbine.select(inputs=model.turbine.inputs[:6]))
     turn, azimuth = model.rotor_speed * model.time_step, np.array([0.3, 2.0])
     z = stuck_modes(flap, np.full(3, 0.05), azimuth, turn)

@@ -67,7 +67,7 @@ def test_the_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
 
 def test_another_project_imports_and_makes(project):
     code = (
-        "import gymnasium, flapgym; env = gymnasium.make('flapgym/NREL5MW-v0'); env.reset(seed=0); "
+        "import gymnasium, flapgym; env = gymnasium.make('flapgym/NREL5MW-v1'); env.reset(seed=0); "
         "env.step(env.action_space.sample()); print(flapgym.__file__)"
     )
     assert Path(_run(project, "-c", code).strip()) == project[0] / "site" / "flapgym" / "__init__.py"

@@ -99,7 +99,7 @@ def test_attached_zero_lift_angle_follows_from_the_lift_at_zero_incidence():
 
 
 def test_lifting_aerofoils_begin_where_the_lattice_does():
-    planform, first = TURBINE.planform, load_case().discretisation.first_lattice_node
+    planform, first = TURBINE.planform, load_case("nrel5mw-rated").discretisation.first_lattice_node
     inboard = TURBINE.blade_sections(12).radius[first]
     slopes = np.array([TURBINE.airfoil(name).lift_slope for name in planform.airfoil])
     assert (slopes[planform.radius >= inboard] > 2 * math.pi).all()

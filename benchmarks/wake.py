@@ -246,9 +246,7 @@ def share_table(case: Case, circulation: Array) -> None:
     table("The state, by what steps", ["step of", *STATE], rows)
 
 
-def draw(
-    time: Array, wakes: dict[str, Array], terms: dict[str, Array], march: list[Array], path: Path
-) -> None:
+def draw(time: Array, wakes: dict[str, Array], rigid: dict[str, Array], path: Path) -> None:
     """Root moment after the step, by the wake and term after term."""
     import matplotlib
 

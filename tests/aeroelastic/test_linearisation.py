@@ -9,6 +9,8 @@ from flapgym.aerodynamics import (
     MeanFlow,
     bound_segments,
     build_aerodynamics,
+    cambered,
+    convected_gust_downwash,
     flap_downwash,
     full_loads,
     mean_loads,
@@ -19,7 +21,7 @@ from flapgym.aerodynamics.biot_savart import induced_velocity
 from flapgym.aerodynamics.lattice import Inflow, rotation_about_x, wake_nodes
 from flapgym.aerodynamics.response import transfer_function
 from flapgym.aerodynamics.steady import incidence_downwash, joukowski_force
-from flapgym.aeroelastic.blade_lattice import blade_lattice
+from flapgym.aeroelastic.blade_lattice import blade_lattice, lattice_response
 from flapgym.aeroelastic.interaction import following_moments, lattice_shape
 from flapgym.aeroelastic.lattice_motion import lattice_motion, segment_motion
 from flapgym.aeroelastic.trim import trim
@@ -271,3 +273,26 @@ def test_forces_and_moments_of_the_mean_load_turn_with_their_sections(rigid):
         np.testing.assert_allclose(found[-3:, i], moment, atol=1e-9)
         np.testing.assert_allclose(found[:3, i], moment, atol=1e-9)  # the work of that moment in each turn
         np.testing.assert_allclose(found[3:6, i], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "airloads", [load_case("nrel5mw-rated").airloads, CASE.airloads], ids=["paper", "full"]
+)
+def test_gust_along_the_chord_reaches_each_panel_late_and_nothing_else_changes(airloads):
+    """Against the loads of the delayed downwash itself; the mean circulation still meets the gust at once."""
+    case = replace(CASE, airloads=airloads, discretisation=replace(CASE.discretisation, gust="convected"))
+    blade = linear_blade(case.turbine, 12, case.rotor_speed)
+    aero = build_aerodynamics(case, 1, *lattice_shape(case, blade))
+    flow, shape = MeanFlow(aero, mean_loads(case, aero)), normal_modes(blade.mass, blade.stiffness, 3)[1]
+    along = blade_lattice(case, aero, blade, shape, flow)
+    at_once = replace(along, convected=False)
+    z = np.exp(2j * np.pi * np.array([0.0, 0.05, 0.2]))
+    ours, theirs = (lattice_response(aero, lattice, 0, z) for lattice in (along, at_once))
+    felt = cambered(aero, flow.loads.zero_lift_angle) if along.full else aero
+    full = replace(along.full, direct=along.full.direct[:, -10:]) if along.full else None
+    wanted = transfer_function(aero, 0, z, convected_gust_downwash(felt, z), along.load, full)
+    size = np.abs(wanted).max()
+    np.testing.assert_allclose(ours[:, :, -10:], wanted, atol=1e-9 * size)
+    np.testing.assert_allclose(ours[:, :, :-10], theirs[:, :, :-10], rtol=1e-12)
+    np.testing.assert_allclose(ours[0], theirs[0], rtol=1e-9, atol=1e-9 * size)
+    assert np.abs(ours[2] - theirs[2]).max() > 0.01 * size

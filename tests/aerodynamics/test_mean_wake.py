@@ -64,10 +64,13 @@ def test_mean_wake_is_as_long_as_the_case_asks_whatever_its_speed():
         assert length == pytest.approx(2.0 * 126.0, rel=0.01)
 
 
-def test_mean_wake_of_the_perturbations_has_no_length_of_its_own():
-    case = replace(CORRECTED, airloads=replace(CORRECTED.airloads, mean_wake="perturbations"))
-    with pytest.raises(ValueError, match="airloads.mean_wake: expected a length in rotor diameters"):
-        build_mean_aerodynamics(case, 0.3)
+def test_mean_load_in_the_perturbations_wake_stands_on_flat_plates_whatever_their_slopes():
+    airloads = replace(CORRECTED.airloads, mean_wake="perturbations")
+    found = []
+    for slope in ("sections", "thin aerofoil"):
+        rotor = rigid_rotor(replace(CORRECTED, airloads=replace(airloads, lift_slope=slope)))
+        found.append((rotor.loads.thrust, rotor.flow.aero.wake_age[-1]))
+    assert found[0] == found[1]
 
 
 @pytest.fixture(scope="module")

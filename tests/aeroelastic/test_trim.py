@@ -110,3 +110,11 @@ def test_sections_moments_undo_the_twist_that_lift_ahead_of_the_axis_makes(corre
         twist.append(np.degrees(rotation_vector(turned) @ along / np.linalg.norm(along)))
     assert abs(twist[0]) < 0.5
     assert 2.5 < twist[1] - twist[0] < 4.5
+
+
+def test_balance_in_the_perturbations_wake_knows_neither_their_lift_slopes_nor_an_induction():
+    sections = replace(COARSE, airloads=replace(COARSE.airloads, lift_slope="sections"))
+    ours, theirs = trim(sections), trim(COARSE)
+    np.testing.assert_array_equal(ours.blade.position, theirs.blade.position)
+    assert ours.induction == theirs.induction == COARSE.discretisation.induction
+    assert np.abs(ours.rotor.bound_pair - theirs.rotor.bound_pair).max() > 0.01

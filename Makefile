@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help compare paper validate train test lint bench clean
+.PHONY: help compare paper validate train test lint bench fuzz clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -37,6 +37,9 @@ lint: .venv/with-test  ## check style, format and types
 
 bench: .venv/with-bench  ## measure speed on one core beside its peers: tables, results/bench.json (ARGS: parts, --docs)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.environment $(ARGS)
+
+fuzz: .venv/with-test  ## load ten thousand mutated files of every kind (ARGS: --count, --seed, --kinds)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.fuzz $(ARGS)
 
 clean:  ## remove .venv and caches; results stay
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis

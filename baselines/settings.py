@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass
 from typing import Annotated
 
 from flapgym.evaluation import SCORED_SEED
+from flapgym.files import read_toml
 from flapgym.turbine.fields import Count, Quantity, check_fields, read
 
 
@@ -77,8 +77,8 @@ def load_tuning(path: str | os.PathLike[str]) -> Tuning:
     ValueError, OSError
         Naming the file and the field.
     """
-    with open(path, "rb") as file:
-        try:
-            return read(Tuning, tomllib.load(file))
-        except (ValueError, tomllib.TOMLDecodeError) as error:
-            raise ValueError(f"{path}: {error}") from None
+    table = read_toml(path)
+    try:
+        return read(Tuning, table)
+    except ValueError as error:
+        raise ValueError(f"{error} (in {path})") from None

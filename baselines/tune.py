@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ValueError(f"{unknown[0]}: unknown controller; expected some of {', '.join(CONTROLLERS)}")
         model = load_model(options.model)
         tuning = load_tuning(options.config)
-        folder = writable_folder(options.output)
+        folder = writable_folder(options.output, (f"{name}.json" for name in options.controllers))
     except (ValueError, OSError) as error:
         print(f"baselines.tune: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

@@ -30,6 +30,7 @@ from flapgym.aerodynamics.downwash import flap_downwash
 from flapgym.aerodynamics.lattice import build_lattice
 from flapgym.aerodynamics.model import assemble
 from flapgym.aerodynamics.rotor import blade_edges, rotor_inflow, strip_radius, wake_rows
+from flapgym.atomic import write_picture
 from flapgym.turbine import Case, load_case
 
 Array = NDArray[np.float64]
@@ -190,7 +191,7 @@ def figure8(case: Case, path: Path) -> None:
     axes[0].set_ylabel("flapwise root moment over the single blade's")
     axes[0].legend()
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    write_picture(path, figure)
 
 
 def main() -> None:

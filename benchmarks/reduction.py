@@ -16,6 +16,7 @@ from flapgym.aerodynamics import Aerodynamics, transfer_function
 from flapgym.aeroelastic.blade_lattice import BladeLattice, blade_lattice, reduce_component
 from flapgym.aeroelastic.equations import root_moment
 from flapgym.aeroelastic.trim import trim
+from flapgym.atomic import write_picture
 from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import LinearBlade
 from flapgym.turbine import Case, load_case
@@ -82,7 +83,7 @@ def figure12(values: NDArray[np.float64], path: Path) -> None:
         xlabel="states", ylabel="Hankel singular value over the largest", xlim=(0, 200), ylim=(1e-6, 1.5)
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    write_picture(path, figure)
 
 
 def main() -> None:

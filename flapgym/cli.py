@@ -23,13 +23,16 @@ from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic import DEFAULT_MODEL, TurbineModel, load_model, save_model
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
+from flapgym.atomic import check_target
 from flapgym.control import AGENT_NAMES
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
+from flapgym.evaluation.report import FILES
 from flapgym.state_space import StateSpace
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
 from flapgym.turbine import BUILT_IN, DEFAULT_CASE, load_case
+from flapgym.wording import one_line
 
 PICTURES = (".pdf", ".png", ".svg")
 
@@ -60,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _complain(command: str, reason: object, code: int) -> int:
-    print(f"flapgym {command}: {' '.join(str(reason).split())}", file=sys.stderr)
+    print(f"flapgym {command}: {one_line(reason, 2000)}", file=sys.stderr)
     return code
 
 
@@ -174,10 +177,13 @@ def _compare(options: argparse.Namespace) -> Work:
         seed=options.seed,
         duration=options.duration,
     )
-    folder = writable_folder(options.output)
+    folder = writable_folder(options.output, FILES)
 
     def work() -> int:
-        comparison = run(planned, progress=True)
+        try:
+            comparison = run(planned, progress=True)
+        except ValueError as error:  # an agent that no door sees through
+            return _complain("compare", error, 2)
         write_report(comparison, folder)
         print(f"{as_text(comparison)}\n\nwrote compare.* in {folder}")
         return 0
@@ -269,15 +275,12 @@ def _info(options: argparse.Namespace) -> Work:
 
 def _check_writable(target: Path, option: str = "--output") -> None:
     """Refuse an output file that could not be written at the end."""
-    if target.is_dir():
-        raise ValueError(f"{option}: expected a file, got the folder {target}")
-    if not target.parent.is_dir():
-        raise ValueError(f"{option}: no folder {target.parent}; make it first")
     try:
-        with tempfile.TemporaryFile(dir=target.parent):
+        real = check_target(target)
+        with tempfile.TemporaryFile(dir=real.parent):  # a file system may be read-only or full
             pass
     except OSError as error:
-        raise ValueError(f"{option}: cannot write in {target.parent} ({error.strerror})") from None
+        raise ValueError(f"{option}: {error.strerror or error}") from None
 
 
 def describe(model: TurbineModel) -> str:

@@ -210,3 +210,22 @@ def test_help_names_every_shipped_agent(run):
     code, out, _ = run("compare", "--help")
     assert code == 0
     assert all(name in out for name in AGENT_NAMES)
+
+
+@pytest.mark.parametrize("command", [["build", "nrel5mw-rated", "--output"], ["modes", "--plot"]])
+def test_a_device_pipe_or_folder_is_no_output_and_stays(run, tmp_path, command):
+    os.mkfifo("pipe.png")
+    os.symlink("pipe.png", "link.png")
+    os.symlink("/dev/null", "device.png")
+    os.mkdir("folder.png")
+    for name, kind in (
+        ("pipe", "a pipe"),
+        ("link", "a pipe"),
+        ("device", "a device"),
+        ("folder", "a folder"),
+    ):
+        told = f"{name}.png: expected a regular file or none there, got {kind}"
+        assert refused(run(*command, f"{name}.png"), command[-1], told)
+    assert Path("pipe.png").is_fifo()
+    assert Path("device.png").resolve() == Path("/dev/null")
+    assert sorted(os.listdir()) == ["device.png", "folder.png", "link.png", "pipe.png"]

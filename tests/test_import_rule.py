@@ -9,7 +9,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ORDER = [
+    "wording",
     "atomic",
+    "files",
     "state_space",
     "turbine",
     "turbulence",

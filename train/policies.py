@@ -14,6 +14,7 @@ from pathlib import Path
 
 from flapgym.aeroelastic.model import load_model
 from flapgym.control.agent_files import save_agent
+from flapgym.evaluation import writable_folder
 from train.settings import Training, load_training
 
 DEFAULT_CONFIGS = (Path("configs/train-ppo.toml"), Path("configs/train-sac.toml"))
@@ -25,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         runs = [load_training(path) for path in options.configs]
         models = [load_model(run.model) for run in runs]
-        options.output.mkdir(parents=True, exist_ok=True)
+        writable_folder(options.output, (f"{run.name}.json" for run in runs))
     except (ValueError, OSError) as error:
         print(f"train: {error}", file=sys.stderr)
         return 2

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any
 
-from flapgym.envs.observation import QUANTITIES
+from flapgym.control.agent_checks import BLADE_QUANTITIES, check_name
+from flapgym.files import read_toml
 from flapgym.turbine.fields import Choice, Count, Quantity, Text, check_fields, check_keys, read
-
-BLADE_QUANTITIES = tuple(name for name, quantity in QUANTITIES.items() if quantity.size == 3)
+from flapgym.wording import shown
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Several:
     def check(self, value: object, name: str) -> tuple[Any, ...]:
         """Refuse an empty list, or an entry that does not fit."""
         if not isinstance(value, (list, tuple)) or not value:
-            raise ValueError(f"{name}: expected a list of one or more values, got {value!r}")
+            raise ValueError(f"{name}: expected a list of one or more values, got {shown(value)}")
         return tuple(self.item.check(entry, f"{name}[{index}]") for index, entry in enumerate(value))
 
 
@@ -130,20 +128,14 @@ def load_training(path: str | os.PathLike[str]) -> Training:
 
     Raises
     ------
-    ValueError
+    ValueError, FileNotFoundError
         If a key is unknown or missing, a value out of range, or the file no TOML; the message names it.
     """
-    file = Path(path)
-    try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ValueError(f"{file}: cannot be read ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{file}: not valid TOML: {error}") from None
+    table = read_toml(path)
     try:
         return _training(table)
     except ValueError as error:
-        raise ValueError(f"{error} (in {file})") from None
+        raise ValueError(f"{error} (in {path})") from None
 
 
 def _training(table: dict[str, Any]) -> Training:
@@ -151,7 +143,7 @@ def _training(table: dict[str, Any]) -> Training:
     algorithm = Choice(tuple(kinds)).check(table.get("algorithm"), "algorithm")
     check_keys(table, ("name", "algorithm", "model", "total_steps", "environment", "network", algorithm), "")
     return Training(
-        name=Text().check(table["name"], "name"),
+        name=check_name(table["name"]),
         model=Text().check(table["model"], "model"),
         total_steps=Count(at_least=1).check(table["total_steps"], "total_steps"),
         environment=read(EnvironmentSettings, table["environment"], "environment"),

@@ -38,7 +38,7 @@ from baselines.shipped import loaded, shipped_weights
 from baselines.tune import CONFIG
 from flapgym.aeroelastic.model import TurbineModel, load_model
 from flapgym.aeroelastic.study import study_turbine
-from flapgym.atomic import write_atomically
+from flapgym.atomic import write_together
 from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.channels import ROTOR
 from flapgym.evaluation import Record, measure, writable_folder
@@ -286,7 +286,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ValueError(f"{unknown[0]}: unknown part; expected some of {', '.join(PARTS)}")
         if options.realisations < 2:
             raise ValueError(f"realisations: expected at least 2, got {options.realisations}")
-        model, output = load_model(options.model), writable_folder(options.output)
+        model, output = load_model(options.model), writable_folder(options.output, ("paper.md", "paper.html"))
         folder = writable_folder(output / "paper")
         with tqdm(total=len(names), unit=" parts") as bar:
             study = Study(model, folder, options.realisations, options.quick, bar)
@@ -305,8 +305,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
     glance = [summary(sections)] if any(section.verdict for section in sections) else []
     sections = [*glance, parameters(model), *sections]
-    write_atomically(output / "paper.md", as_markdown(TITLE, sections, output).encode())
-    write_atomically(output / "paper.html", as_html(TITLE, sections).encode())
+    write_together(
+        {
+            output / "paper.md": as_markdown(TITLE, sections, output).encode(),
+            output / "paper.html": as_html(TITLE, sections).encode(),
+        }
+    )
     print(f"wrote {output / 'paper.md'} and {output / 'paper.html'}")
     return 0
 

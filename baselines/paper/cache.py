@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,8 @@ from flapgym.state_space import Array, StateSpace
 
 Arrays = Mapping[str, Array]
 
+DAMAGED = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error)
+"""What a file that is missing, cut or no archive raises: its part is computed again."""
 VERSION = 3
 """Raised when what a part computes changes though its settings do not."""
 
@@ -43,9 +48,8 @@ class Cache:
     def arrays(self, part: str, settings: Mapping[str, Any], make: Callable[[], Arrays]) -> dict[str, Array]:
         """What `make` returned for this part and these settings, now or in an earlier run."""
         path = self.path(part, settings)
-        if path.is_file():
-            with np.load(path) as stored:
-                return dict(stored)
+        with contextlib.suppress(*DAMAGED), path.open("rb") as file, np.load(file) as stored:
+            return dict(stored)
         made = {name: np.asarray(value) for name, value in make().items()}
         content = io.BytesIO()
         np.savez_compressed(content, **made)  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from baselines.paper.document import as_html, as_markdown
 from baselines.rivals.section import rivals_section
 from baselines.rivals.study import Study
 from flapgym.aeroelastic.model import load_model
-from flapgym.atomic import write_atomically
+from flapgym.atomic import write_together
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
 
@@ -33,7 +33,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise ValueError(f"realisations: expected 2 to {MOST_REALISATIONS}, got {options.realisations}")
         if options.duration is not None and not 10.0 <= options.duration <= LONGEST:
             raise ValueError(f"duration: expected 10 to {LONGEST:.0f} s, got {options.duration}")
-        model, folder = load_model(options.model), writable_folder(options.output)
+        model, folder = (
+            load_model(options.model),
+            writable_folder(options.output, ("rivals.md", "rivals.html")),
+        )
         duration = options.duration or PAPER_LENGTH * model.length_scale / model.wind_speed
         with tqdm(unit=" batches", bar_format="{desc:<16} {n_fmt}/{total_fmt}{unit}, {elapsed}") as bar:
 
@@ -47,8 +50,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, OSError, ImportError) as error:
         print(f"baselines.rivals: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    write_atomically(folder / "rivals.md", as_markdown(TITLE, sections, folder).encode())
-    write_atomically(folder / "rivals.html", as_html(TITLE, sections).encode())
+    write_together(
+        {
+            folder / "rivals.md": as_markdown(TITLE, sections, folder).encode(),
+            folder / "rivals.html": as_html(TITLE, sections).encode(),
+        }
+    )
     print(f"wrote {folder / 'rivals.md'} and {folder / 'rivals.html'}")
     return 0
 

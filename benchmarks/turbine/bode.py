@@ -22,6 +22,7 @@ from flapgym.aeroelastic.design import clamped_rotor, frozen_turbine
 from flapgym.aeroelastic.equations import Parts, periodic_equations
 from flapgym.aeroelastic.exact import harmonic_response
 from flapgym.aeroelastic.trim import deflected_lattice
+from flapgym.atomic import write_picture
 from flapgym.reduction import normal_modes
 from flapgym.state_space import StateSpace
 from flapgym.structure import linear_blade, linear_support
@@ -204,5 +205,5 @@ def draw(curves: Curves, path: Path, title: str, deviation: bool = False) -> Non
     axes[-1].set(xlabel="frequency [Hz]", xlim=(FREQUENCY[0], FREQUENCY[-1]))
     for axis in axes:
         axis.grid(which="both", color="0.9")
-    figure.savefig(path, dpi=110)
+    write_picture(path, figure)
     plt.close(figure)

@@ -11,6 +11,7 @@ from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import time_invariant
 from benchmarks.turbine.study import Study, Tell, pyplot
 from flapgym.aeroelastic.damping import CoupledMode, coupled_modes
+from flapgym.atomic import write_picture
 
 TIP_SPEED_RATIOS = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 TOWER_MODES = 6
@@ -82,5 +83,5 @@ def draw(rpm: np.ndarray, names: list[str], modes: list[list[CoupledMode]], path
         axis.grid(color="0.92")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8)
-    figure.savefig(path, dpi=110)
+    write_picture(path, figure)
     plt.close(figure)

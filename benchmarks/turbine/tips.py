@@ -10,6 +10,7 @@ from benchmarks.aerodynamics import table
 from benchmarks.turbine.study import Study, Tell, pyplot
 from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.multiblade import to_blades
+from flapgym.atomic import write_picture
 from flapgym.state_space import Array, series
 from flapgym.turbulence import realise, von_karman_filter
 
@@ -86,5 +87,5 @@ def draw(turns: Array, wind: Array, tips: Array, path: Path) -> None:
     axes[2].set(ylabel="wind [m/s]", xlabel="cycles", xlim=CYCLES)
     for axis in axes:
         axis.grid(color="0.9")
-    figure.savefig(path, dpi=110)
+    write_picture(path, figure)
     plt.close(figure)

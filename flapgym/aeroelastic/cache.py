@@ -16,11 +16,13 @@ from filelock import FileLock
 from flapgym.aeroelastic.build import STAGES, Progress, build_model, tools
 from flapgym.aeroelastic.flutter import find_flutter
 from flapgym.aeroelastic.model import FORMAT_VERSION, TurbineModel, load_model, save_model
+from flapgym.aeroelastic.sources import PACKAGE, files_behind
 from flapgym.turbine import Case
 
 FLUTTER = "flutter"
 COMPLETE_STAGES = (*STAGES, FLUTTER)
 """Stages of a model that is not in the cache."""
+_not_kept: dict[Path, TurbineModel] = {}  # models of this process that no folder takes
 
 
 def cache_folder() -> Path:
@@ -38,7 +40,7 @@ def cache_folder() -> Path:
 def cached_path(case: Case) -> Path:
     """Where the cache keeps the model of a case, by its name and all that the model depends on."""
     # A case may be named with what no file name takes, or with what leads out of the folder.
-    readable = re.sub(r"[^\w-]+", "_", case.name)
+    readable = re.sub(r"[^\w-]+", "_", case.name)[:60]
     made = repr((case.name, case.hash(), sorted(tools().items()), _sources(), FORMAT_VERSION))
     key = hashlib.sha256(made.encode()).hexdigest()[:20]
     return cache_folder() / f"{readable}-{key}.safetensors"
@@ -49,7 +51,7 @@ def cached_model(case: Case, progress: Progress | None = None) -> TurbineModel:
 
     A model is known by its name and every value of its case, by the versions and the source code of what builds models
     and by the version of the file format. Whoever asks first builds, others wait for it; a file that is damaged is
-    built again, and a model that cannot be kept is built all the same, both with a warning.
+    built again, and a model that cannot be kept is built all the same, once in a process, both with a warning.
 
     Parameters
     ----------
@@ -63,6 +65,8 @@ def cached_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         As ``build_model``.
     """
     path = cached_path(case)
+    if path in _not_kept:
+        return _not_kept[path]
     if (model := _kept(path, case)) is not None:
         return model
     try:
@@ -70,7 +74,8 @@ def cached_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         lock = FileLock(path.with_suffix(".lock")).acquire()
     except OSError as error:
         _warn_not_kept(path, error)
-        return _complete_model(case, progress)
+        _not_kept[path] = _complete_model(case, progress)
+        return _not_kept[path]
     with lock:
         # Another process may have built it while this one waited.
         if (model := _kept(path, case)) is not None:
@@ -80,6 +85,7 @@ def cached_model(case: Case, progress: Progress | None = None) -> TurbineModel:
             save_model(model, path)
         except OSError as error:
             _warn_not_kept(path, error)
+            _not_kept[path] = model
     return model
 
 
@@ -93,7 +99,7 @@ def _complete_model(case: Case, progress: Progress | None) -> TurbineModel:
 
 def _warn_not_kept(path: Path, error: OSError) -> None:
     warnings.warn(
-        f"cache: cannot write in {path.parent} ({error.strerror}); the model is not kept, "
+        f"cache: cannot write in {path.parent} ({error.strerror or error}); the model is not kept, "
         "name another folder in FLAPGYM_CACHE_DIR",
         RuntimeWarning,
         stacklevel=3,
@@ -102,19 +108,19 @@ def _warn_not_kept(path: Path, error: OSError) -> None:
 
 @cache
 def _sources() -> str:
-    """Digest of the package's source code: a model built before a change to it is another model."""
+    """Digest of the source code that builds models: one built before a change to it is another model."""
     digest = hashlib.sha256()
-    for file in sorted(Path(__file__).parents[1].rglob("*.py")):
-        digest.update(file.read_bytes())
+    for file in files_behind("flapgym.aeroelastic.build", "flapgym.aeroelastic.flutter"):
+        digest.update(f"{file.relative_to(PACKAGE).as_posix()}\0".encode() + file.read_bytes())
     return digest.hexdigest()
 
 
 def _kept(path: Path, case: Case) -> TurbineModel | None:
-    if not path.is_file():
-        return None
     try:
         model = load_model(path)
-    except ValueError as error:
+    except FileNotFoundError:
+        return None
+    except (ValueError, OSError) as error:
         warnings.warn(f"cached model is built anew: {error}", RuntimeWarning, stacklevel=3)
         return None
     if model.inputs_hash != case.hash():

@@ -20,13 +20,18 @@ import safetensors
 import safetensors.numpy
 
 from flapgym.aeroelastic.harmonics import PeriodicPart, shaken_at
+from flapgym.aeroelastic.model_check import check_header, check_model, check_tensors
 from flapgym.aeroelastic.record import Flutter, Record
 from flapgym.atomic import write_atomically
+from flapgym.files import MEGABYTE, parse_json, regular_file
 from flapgym.state_space import Array, StateSpace
+from flapgym.wording import one_line, shown
 
 FORMAT_VERSION = 2
 DEFAULT_MODEL = "nrel5mw-corrected"
 """The shipped model meant where none is named."""
+LARGEST = 128 * MEGABYTE
+"""Of a model file [bytes]: unequal blades take two."""
 _SYSTEMS = ("turbine", "blade")
 _MATRICES = ("A", "B", "C", "D")
 _REAL, _COMPLEX = ("left", "right"), ("core", "forcing")  # of the periodic part
@@ -64,6 +69,12 @@ TURBINE_OUTPUTS = (
 )
 BLADE_INPUTS = ("flap_angle", "flap_rate", "wind")
 BLADE_OUTPUTS = ("rbm", "tip_deflection")
+_SIGNALS = {
+    "turbine.inputs": TURBINE_INPUTS,
+    "turbine.outputs": TURBINE_OUTPUTS,
+    "blade.inputs": BLADE_INPUTS,
+    "blade.outputs": BLADE_OUTPUTS,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +152,7 @@ class TurbineModel:
         for system in systems:
             response = system.frequency_response(_HASH_FREQUENCIES)
             largest = np.abs(response).max(axis=(0, 2), keepdims=True)
+            largest[largest == 0.0] = 1.0  # of an output that never answers
             digest.update(" ".join(f"{value:.3e}" for value in largest.ravel()).encode())
             # Adding zero makes one zero of the two that rounding leaves.
             parts = np.stack([response.real, response.imag]) / largest
@@ -177,7 +189,17 @@ def builtin_models() -> list[str]:
 
 
 def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
-    """Write the model file atomically: readers see the old file or the new one, never half of one."""
+    """Write the model file atomically: readers see the old file or the new one, never half of one.
+
+    Raises
+    ------
+    ValueError
+        If it is a model that `load_model` would refuse.
+    """
+    try:
+        check_model(model, _SIGNALS)
+    except ValueError as error:
+        raise ValueError(f"model {one_line(model.name)}: {error}") from None
     tensors = _tensors(model)
     header = {
         f.name: getattr(model, f.name)
@@ -216,57 +238,80 @@ def load_model(name: str | os.PathLike[str] = DEFAULT_MODEL) -> TurbineModel:
         raise ValueError(
             f"model {path}: a case, not a model file; make one by `flapgym build {path} --output FILE`"
         )
+    header, tensors = _read(path)
+    if (version := header.get("format_version")) != FORMAT_VERSION:
+        raise ValueError(
+            f"model {path}: format version {shown(version)}, this flapgym reads {FORMAT_VERSION}; build it again"
+        )
+    if header.pop("checksum", None) != _checksum(tensors, header):
+        raise ValueError(f"model {path}: damaged, its content does not match its checksum; build it again")
     try:
-        with safetensors.safe_open(path, framework="numpy") as file:
+        check_tensors(tensors)
+        model = _model(header, tensors)
+        check_model(model, _SIGNALS)
+    except KeyError as error:
+        raise ValueError(f"model {path}: {error}: missing; build it again") from None
+    except ValueError as error:
+        raise ValueError(f"model {path}: {one_line(error)}; build it again") from None
+    return model
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Header and tensors of a model file, of whatever content."""
+    try:
+        with safetensors.safe_open(regular_file(path, LARGEST), framework="numpy") as file:
             metadata = file.metadata() or {}
             tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (not a dict)
-    except (safetensors.SafetensorError, OSError) as error:
-        raise ValueError(f"model {path}: damaged or not a model file ({error}); build it again") from None
+    except FileNotFoundError:
+        raise
+    except ValueError as error:
+        raise ValueError(f"model {error}") from None
+    # Types that numpy has not raise what they like.
+    except (safetensors.SafetensorError, OSError, TypeError, AttributeError, KeyError):
+        raise ValueError(f"model {path}: damaged or not a model file; build it again") from None
     if "flapgym" not in metadata:
         raise ValueError(f"model {path}: not a flapgym model file; make one with `flapgym build`")
     try:
-        header = json.loads(metadata["flapgym"])
-        version, checksum = header["format_version"], header.pop("checksum")
-    except (ValueError, KeyError) as error:
-        raise ValueError(f"model {path}: damaged header ({error}); build it again") from None
-    if version != FORMAT_VERSION:
-        raise ValueError(
-            f"model {path}: format version {version}, this flapgym reads {FORMAT_VERSION}; build it again"
-        )
-    if checksum != _checksum(tensors, header):
-        raise ValueError(f"model {path}: damaged, its content does not match its checksum; build it again")
+        return parse_json(metadata["flapgym"], "header"), tensors
+    except ValueError as error:
+        raise ValueError(f"model {path}: damaged {error}; build it again") from None
+
+
+def _model(header: dict[str, Any], tensors: Mapping[str, Array]) -> TurbineModel:
+    """The model that a file's content describes."""
+    check_header(header)
+    known = {f.name for f in fields(TurbineModel)} - {"periodic"}
+    names = {f"{system}.{matrix}" for system in _SYSTEMS for matrix in _MATRICES}
+    names |= {f"periodic.{name}" for name in (*_REAL, *_COMPLEX)}
+    for kind, given, expected in (("entry", header, known), ("matrix", tensors, names)):
+        if unknown := sorted(given.keys() - expected):
+            raise ValueError(f"{shown(unknown[0])}: unknown {kind}")
+    turbine, blade = (_system(system, header, tensors) for system in _SYSTEMS)
+    rest = {name: value for name, value in header.items() if name not in (*_SYSTEMS, "record")}
+    return TurbineModel(turbine, blade, periodic=_periodic(tensors), record=_record(header["record"]), **rest)
+
+
+def _system(name: str, header: Mapping[str, Any], tensors: Mapping[str, Array]) -> StateSpace:
+    matrices = {matrix: tensors[f"{name}.{matrix}"] for matrix in _MATRICES}
+    inputs, outputs = (tuple(header[name][kind]) for kind in ("inputs", "outputs"))
     try:
-        names = {system: header.pop(system) for system in _SYSTEMS}
-        record = _record(header.pop("record"))
-        systems = {
-            system: StateSpace(
-                **{matrix: tensors[f"{system}.{matrix}"] for matrix in _MATRICES},
-                time_step=header["time_step"],
-                inputs=tuple(names[system]["inputs"]),
-                outputs=tuple(names[system]["outputs"]),
-            )
-            for system in _SYSTEMS
-        }
-        return TurbineModel(
-            turbine=systems["turbine"],
-            blade=systems["blade"],
-            periodic=_periodic(tensors),
-            record=record,
-            **header,
-        )
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"model {path}: incomplete ({error}); build it again") from None
+        return StateSpace(**matrices, time_step=header["time_step"], inputs=inputs, outputs=outputs)
+    except ValueError as error:
+        raise ValueError(str(error).replace("state_space", name)) from None
 
 
 def _find(name: str | os.PathLike[str]) -> Path:
     shipped = Path(str(resources.files("flapgym.aeroelastic") / "data" / f"{name}.safetensors"))
     path = shipped if str(name) in builtin_models() else Path(name)
-    if not path.is_file():
+    try:
+        return regular_file(path, LARGEST)
+    except FileNotFoundError:
         raise FileNotFoundError(
-            f"model {name}: no such file, and no shipped model of that name "
+            f"model {one_line(name)}: no such file, and no shipped model of that name "
             f"(shipped: {', '.join(builtin_models()) or 'none'})"
-        )
-    return path
+        ) from None
+    except ValueError as error:
+        raise ValueError(f"model {error}") from None
 
 
 def _tensors(model: TurbineModel) -> dict[str, Array]:
@@ -295,9 +340,12 @@ def _record(content: Mapping[str, Any]) -> Record:
 
 
 def _periodic(tensors: Mapping[str, Array]) -> PeriodicPart | None:
-    if "periodic.left" not in tensors:
+    if not any(name.startswith("periodic.") for name in tensors):
         return None
     left, right = (tensors[f"periodic.{name}"] for name in _REAL)
+    for name in _COMPLEX:
+        if tensors[f"periodic.{name}"].shape[:1] != (2,):
+            raise ValueError(f"periodic.{name}: expected real and imaginary parts")
     core, forcing = (v[0] + 1j * v[1] for v in (tensors[f"periodic.{name}"] for name in _COMPLEX))
     return PeriodicPart(left=left, core=core, right=right, forcing=forcing)
 

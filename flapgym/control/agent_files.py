@@ -1,7 +1,6 @@
-"""Agents on disk: a JSON description beside its matrices in safetensors; nothing is unpickled.
+"""Agents on disk: one JSON file that says what an agent is, which model it was made for, and holds its numbers.
 
-`name.json` says what the agent is and which model it was made for, `name.safetensors` holds its numbers; a checksum
-ties the two together. The shipped agents lie in the package's `agents` folder.
+A checksum covers all of it. The shipped agents lie in the package's `agents` folder.
 """
 
 from __future__ import annotations
@@ -9,25 +8,28 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import safetensors
-import safetensors.numpy
 
 from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel
 from flapgym.atomic import write_atomically
 from flapgym.control.agent import Agent, OpenLoop
+from flapgym.control.agent_checks import check_numbers, naming
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
 from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.policy import Policy
 from flapgym.control.rotor_controller import RotorController
+from flapgym.files import MEGABYTE, check_plain, read_json
 from flapgym.state_space import Array, StateSpace
+from flapgym.wording import one_line, shown
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+LARGEST = 16 * MEGABYTE
+"""Of a file [bytes]: some seven hundred thousand numbers."""
 AGENT_NAMES = (
     "open_loop",
     "pd",
@@ -42,6 +44,15 @@ AGENT_NAMES = (
 """The agents of the comparison, in the order of its table."""
 AGENT_SETS = (DEFAULT_MODEL, "nrel5mw-rated")
 """The shipped models that have agents of their own, tuned and trained on them by the same rules."""
+
+_COMMON = ("format_version", "kind", "name", "description", "model", "model_hash", "design", "checksum")
+_CONTROLLER = ("time_step", "A", "B", "C", "D", "start")
+_NETWORK = ("observe", "steps_per_action", "per_blade", "activation", "squash")
+_KINDS = {
+    "blade_controller": _CONTROLLER,
+    "rotor_controller": ("multiblade", *_CONTROLLER),
+    "policy": (*_NETWORK, "offset", "scale", "weights", "biases"),
+}
 
 
 def made_for(agent: Agent, model: TurbineModel) -> bool:
@@ -59,29 +70,22 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     Raises
     ------
     ValueError
-        If there is no such agent, its file is damaged, or its step is not the model's.
+        If there is no such agent, its file is damaged or says what no agent can be, or its step is not the model's.
     """
     if str(name) == OpenLoop.name:
         return OpenLoop()
     path = _find(name, model)
-    header, tensors = _read(path)
+    content = _read(path)
     try:
-        if header["kind"] == "blade_controller":
-            return _blade_controller(header, tensors, model)
-        if header["kind"] == "rotor_controller":
-            return _rotor_controller(header, tensors, model)
-        if header["kind"] == "policy":
-            return _policy(header, tensors)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"agent {path}: missing or wrong entry {error}") from None
-    raise ValueError(
-        f"agent {path}: kind: expected blade_controller, rotor_controller or policy, got {header['kind']!r}"
-    )
+        with naming(content["name"]):
+            return _policy(content) if content["kind"] == "policy" else _controller(content, model)
+    except ValueError as error:
+        raise ValueError(f"{error} (in {path})") from None
 
 
 def agent_design(name: str | os.PathLike[str], model: TurbineModel) -> dict[str, Any]:
     """How an agent, named as for `load_agent`, was made: its weights or gains and what was found about it."""
-    return dict(_read(_find(name, model))[0]["design"])
+    return dict(_read(_find(name, model))["design"])
 
 
 def save_agent(
@@ -91,7 +95,7 @@ def save_agent(
     description: str,
     design: Mapping[str, Any],
 ) -> None:
-    """Write `path` (.json) and its .safetensors neighbour.
+    """Write an agent to a file; what was there before stays until the new one is whole.
 
     Parameters
     ----------
@@ -104,7 +108,12 @@ def save_agent(
     description : str
         One line on what it is.
     design : mapping
-        Plain JSON values: how it was made (weights, hyperparameters, what was measured).
+        How it was made (weights, hyperparameters, what was measured): JSON values, also as numpy has them.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If it cannot be saved; nothing is written then.
     """
     if not isinstance(agent, BladeController | RotorController | Policy):
         raise TypeError(
@@ -114,37 +123,65 @@ def save_agent(
     target = Path(path)
     if target.suffix != ".json":
         raise ValueError(f"agent {target}: expected a path that ends in .json")
-    header: dict[str, Any] = {
+    kind, settings, numbers = _parts(agent)
+    header = {
         "format_version": FORMAT_VERSION,
+        "kind": kind,
         "name": agent.name,
         "description": description,
         "model": model.name,
         "model_hash": model.hash,
-        "design": dict(design),
+        "design": _plain(design),
+        **settings,
     }
-    if isinstance(agent, BladeController | RotorController):
-        kind = "blade_controller" if isinstance(agent, BladeController) else "rotor_controller"
-        header |= {"kind": kind, "time_step": agent.system.time_step}
-        if isinstance(agent, RotorController):
-            header["multiblade"] = agent.channels == MULTIBLADE
-        tensors = {key: getattr(agent.system, key) for key in "ABCD"} | {"start": agent.start}
-    else:
-        header |= {
-            "kind": "policy",
-            "observe": list(agent.observe),
-            "steps_per_action": agent.steps_per_action,
-            "per_blade": agent.per_blade,
-            "layers": [list(weight.shape) for weight in agent.weights],
-            "activation": agent.activation,
-            "squash": agent.squash,
-        }
-        tensors = {"offset": agent.offset, "scale": agent.scale}
-        for index, (weight, bias) in enumerate(zip(agent.weights, agent.biases, strict=True)):
-            tensors |= {f"layer_{index}.weight": weight, f"layer_{index}.bias": bias}
-    content = safetensors.numpy.save({key: np.ascontiguousarray(value) for key, value in tensors.items()})
-    header["checksum"] = hashlib.sha256(content).hexdigest()
-    write_atomically(target.with_suffix(".safetensors"), content)
-    write_atomically(target, (json.dumps(header, indent=2) + "\n").encode())
+    _check_common(header)
+    check_plain(header["design"], "agent: design")
+    lists = {key: _lists(value) for key, value in numbers.items()}
+    header["checksum"] = _checksum(header | lists)
+    write_atomically(target, _document(header, lists).encode())
+
+
+def _parts(
+    agent: BladeController | RotorController | Policy,
+) -> tuple[str, dict[str, Any], dict[str, Array | tuple[Array, ...]]]:
+    """Kind, settings and numbers of an agent, under the keys of its file."""
+    if isinstance(agent, Policy):
+        numbers = {key: getattr(agent, key) for key in ("offset", "scale", "weights", "biases")}
+        return "policy", {key: getattr(agent, key) for key in _NETWORK}, numbers
+    system = agent.system
+    matrices = {key: getattr(system, key) for key in "ABCD"} | {"start": agent.start}
+    settings: dict[str, Any] = {"time_step": system.time_step}
+    if isinstance(agent, BladeController):
+        return "blade_controller", settings, matrices
+    return "rotor_controller", settings | {"multiblade": agent.channels == MULTIBLADE}, matrices
+
+
+def _document(header: Mapping[str, Any], numbers: Mapping[str, Any]) -> str:
+    """JSON with a line for every setting and for every row of numbers."""
+    parts = [json.dumps(header, indent=2, allow_nan=False).removesuffix("\n}")]
+    for key, value in numbers.items():
+        rows = ",\n    ".join(json.dumps(row, allow_nan=False) for row in value)
+        parts.append(f'  "{key}": [\n    {rows}\n  ]')
+    return ",\n".join(parts) + "\n}\n"
+
+
+def _lists(value: Array | tuple[Array, ...]) -> list[Any]:
+    return [part.tolist() for part in value] if isinstance(value, tuple) else value.tolist()
+
+
+def _plain(value: Any) -> Any:
+    """What JSON has for a value that numpy or a mapping of another class holds."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    """Of everything but the checksum itself."""
+    rest = {key: value for key, value in content.items() if key != "checksum"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
 def _find(name: str | os.PathLike[str], model: TurbineModel) -> Path:
@@ -154,11 +191,8 @@ def _find(name: str | os.PathLike[str], model: TurbineModel) -> Path:
     path = Path(name)
     if path.suffix != ".json":
         raise ValueError(
-            f"agent {name}: unknown; expected one of {', '.join(AGENT_NAMES)} or the path of an agent's .json file"
-        )
-    if not path.is_file():
-        raise ValueError(
-            f"agent {name}: no such file; give the path of an agent's .json file, or one of {', '.join(AGENT_NAMES)}"
+            f"agent {one_line(name)}: unknown; expected one of {', '.join(AGENT_NAMES)} or the path of an agent's "
+            ".json file"
         )
     return path
 
@@ -169,77 +203,96 @@ def _folder(chosen: str) -> Path:
 
 def _set_for(model: TurbineModel) -> str:
     """The set of agents made for a model; the first where none is."""
-    own = (each for each in AGENT_SETS if _read(_folder(each) / "pd.json")[0]["model_hash"] == model.hash)
+    own = (each for each in AGENT_SETS if _read(_folder(each) / "pd.json")["model_hash"] == model.hash)
     return next(own, AGENT_SETS[0])
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+def _read(path: Path) -> dict[str, Any]:
+    """The content of an agent's file: whole, of a known kind, and with all its keys."""
     try:
-        header = json.loads(path.read_text(encoding="utf-8"))
-        content = path.with_suffix(".safetensors").read_bytes()
-    except (OSError, ValueError) as error:
-        raise ValueError(f"agent {path}: missing or damaged ({error})") from None
-    if not isinstance(header, dict) or header.get("format_version") != FORMAT_VERSION:
-        found = header.get("format_version") if isinstance(header, dict) else None
-        raise ValueError(f"agent {path}: format_version: expected {FORMAT_VERSION}, got {found}")
-    if hashlib.sha256(content).hexdigest() != header.get("checksum"):
+        content = read_json(path, LARGEST)
+    except FileNotFoundError as error:
         raise ValueError(
-            f"agent {path}: {path.with_suffix('.safetensors').name} is damaged, its checksum differs"
+            f"agent {error}; give the path of an agent's .json file, or one of {', '.join(AGENT_NAMES)}"
+        ) from None
+    except ValueError as error:
+        raise ValueError(f"agent {error}") from None
+    if content.get("format_version") != FORMAT_VERSION:
+        raise ValueError(
+            f"agent {path}: format_version: expected {FORMAT_VERSION}, got {shown(content.get('format_version'))}; "
+            "save it again with this version of flapgym"
         )
+    kind = content.get("kind")
+    if not isinstance(kind, str) or kind not in _KINDS:
+        raise ValueError(f"agent {path}: kind: expected one of {', '.join(_KINDS)}, got {shown(kind)}")
+    known = (*_COMMON, *_KINDS[kind])
+    for key in (*known, *content):
+        if key not in content:
+            raise ValueError(f"agent {path}: {key}: missing; save the agent again")
+        if key not in known:
+            raise ValueError(
+                f"agent {path}: {shown(key)}: unknown key of a {kind}; known: {', '.join(known)}"
+            )
+    if content["checksum"] != _checksum(content):
+        raise ValueError(f"agent {path}: damaged, its content does not match its checksum; save it again")
     try:
-        tensors = safetensors.numpy.load(content)
-    except safetensors.SafetensorError as error:
-        raise ValueError(f"agent {path}: damaged matrices ({error})") from None
-    return header, {key: np.asarray(value, dtype=float) for key, value in tensors.items()}
+        _check_common(content)
+    except ValueError as error:
+        raise ValueError(f"{error} (in {path})") from None
+    return content
 
 
-def _blade_controller(
-    header: Mapping[str, Any], tensors: Mapping[str, Array], model: TurbineModel
-) -> BladeController:
-    system = _system(header, tensors, model, CONTROLLER_INPUTS, CONTROLLER_OUTPUTS)
-    return BladeController(
-        header["name"], system, tensors["start"], model.acceleration_limit, header["model_hash"]
-    )
+def _check_common(content: Mapping[str, Any]) -> None:
+    """Refuse what a file says of any kind of agent, but for its name, which the agent itself checks."""
+    for key in ("description", "model", "model_hash"):
+        if not isinstance(content[key], str) or not content[key].isprintable():
+            raise ValueError(f"agent: {key}: expected a text of one line, got {shown(content[key])}")
+    if not isinstance(content["design"], Mapping):
+        raise ValueError(f"agent: design: expected a mapping, got {shown(content['design'])}")
 
 
-def _rotor_controller(
-    header: Mapping[str, Any], tensors: Mapping[str, Array], model: TurbineModel
-) -> RotorController:
-    channels = MULTIBLADE if header["multiblade"] else ROTOR
-    system = _system(header, tensors, model, channels.inputs, channels.outputs)
-    return RotorController(
-        header["name"], system, tensors["start"], model.acceleration_limit, header["model_hash"]
-    )
-
-
-def _system(
-    header: Mapping[str, Any],
-    tensors: Mapping[str, Array],
-    model: TurbineModel,
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-) -> StateSpace:
-    if header["time_step"] != model.time_step:
+def _controller(content: Mapping[str, Any], model: TurbineModel) -> BladeController | RotorController:
+    step = content["time_step"]
+    if isinstance(step, bool) or not isinstance(step, int | float) or step != model.time_step:
         raise ValueError(
-            f"agent {header['name']}: time_step: designed for {header['time_step']} s, "
-            f"the model {model.name} steps {model.time_step} s; tune it again for this model"
+            f"time_step: designed for {shown(step)} s, the model {model.name} steps "
+            f"{model.time_step} s; tune it again for this model"
         )
-    matrices = {key: tensors[key] for key in "ABCD"}
-    return StateSpace(**matrices, time_step=header["time_step"], inputs=inputs, outputs=outputs)
+    inputs, outputs = CONTROLLER_INPUTS, CONTROLLER_OUTPUTS
+    if content["kind"] == "rotor_controller":
+        if not isinstance(content["multiblade"], bool):
+            raise ValueError(f"multiblade: expected true or false, got {shown(content['multiblade'])}")
+        channels = MULTIBLADE if content["multiblade"] else ROTOR
+        inputs, outputs = channels.inputs, channels.outputs
+    numbers = {key: _numbers(content[key], key, 2) for key in (*"ABCD", "start")}
+    # Of a controller without states, B and start have no row that could tell how long it is.
+    numbers |= {key: np.empty((0, len(inputs))) for key in ("B", "start") if not len(numbers[key])}
+    start = numbers.pop("start")
+    system = StateSpace(**numbers, time_step=model.time_step, inputs=inputs, outputs=outputs)
+    cls = BladeController if content["kind"] == "blade_controller" else RotorController
+    return cls(content["name"], system, start, model.acceleration_limit, content["model_hash"])
 
 
-def _policy(header: Mapping[str, Any], tensors: Mapping[str, Array]) -> Policy:
-    layers = range(len(header["layers"]))
+def _policy(content: Mapping[str, Any]) -> Policy:
+    weights, biases = content["weights"], content["biases"]
+    for field in ("weights", "biases"):
+        if not isinstance(content[field], list):
+            raise ValueError(f"{field}: expected a list of layers, got {shown(content[field])}")
     return Policy(
-        name=header["name"],
-        observe=tuple(header["observe"]),
-        steps_per_action=header["steps_per_action"],
-        per_blade=header["per_blade"],
-        offset=tensors["offset"],
-        scale=tensors["scale"],
-        weights=tuple(tensors[f"layer_{index}.weight"] for index in layers),
-        biases=tuple(tensors[f"layer_{index}.bias"] for index in layers),
-        activation=header["activation"],
-        squash=header["squash"],
-        model_hash=header["model_hash"],
+        **{key: content[key] for key in ("name", *_NETWORK, "model_hash")},
+        offset=_numbers(content["offset"], "offset", 1),
+        scale=_numbers(content["scale"], "scale", 1),
+        weights=tuple(_numbers(layer, f"weights[{i}]", 2) for i, layer in enumerate(weights)),
+        biases=tuple(_numbers(layer, f"biases[{i}]", 1) for i, layer in enumerate(biases)),
     )
+
+
+def _numbers(value: Any, field: str, dimensions: int) -> Array:
+    """Numbers of a file: lists of lists, no truth values among them."""
+    rows: Sequence[Any] = value if isinstance(value, list) else []
+    within = [entry for row in rows for entry in (row if isinstance(row, list) else [row])]
+    if not isinstance(value, list) or any(isinstance(entry, bool) for entry in within):
+        raise ValueError(f"{field}: expected numbers, got {shown(value)}")
+    if dimensions == 2 and not within:
+        return np.empty((len(rows), 0))
+    return check_numbers(value, field, dimensions)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control.agent import Array, Floats, by_blade
+from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
 from flapgym.control.channels import BLADE
 from flapgym.state_space import StateSpace
 
@@ -49,20 +50,22 @@ class BladeController:
     _step: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        with naming(self.name):
+            self._check()
+
+    def _check(self) -> None:
         if self.system.inputs != CONTROLLER_INPUTS or self.system.outputs != CONTROLLER_OUTPUTS:
             raise ValueError(
-                f"agent {self.name}: expected a controller from {CONTROLLER_INPUTS} to {CONTROLLER_OUTPUTS}, "
+                f"expected a controller from {CONTROLLER_INPUTS} to {CONTROLLER_OUTPUTS}, "
                 f"got {self.system.inputs} to {self.system.outputs}"
             )
-        if not self.acceleration_limit > 0.0:
-            raise ValueError(
-                f"agent {self.name}: acceleration_limit must be positive, got {self.acceleration_limit}"
-            )
+        if not 0.0 < self.acceleration_limit < np.inf:
+            raise ValueError(f"acceleration_limit: expected a positive number, got {self.acceleration_limit}")
+        check_hash(self.model_hash)
+        object.__setattr__(self, "start", check_numbers(self.start, "start", 2))
         s = self.system
         if self.start.shape != (s.order, len(CONTROLLER_INPUTS)):
-            raise ValueError(
-                f"agent {self.name}: start: expected shape {(s.order, 3)}, got {self.start.shape}"
-            )
+            raise ValueError(f"start: expected shape {(s.order, 3)}, got {self.start.shape}")
         object.__setattr__(self, "_step", one_product(s, self.acceleration_limit))
 
     def predict(
@@ -73,7 +76,8 @@ class BladeController:
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
         """Action (..., 3) and next state (..., 3, order) for an observation (..., 9)."""
-        measured = by_blade(observation, self.observe)
+        with told_by(self.name):
+            measured = by_blade(observation, self.observe)
         order = self.system.order
         batch = measured.shape[:-2]
         if state is None:

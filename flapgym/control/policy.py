@@ -9,6 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control.agent import BLADES, Array, Floats
+from flapgym.control.agent_checks import (
+    BLADE_QUANTITIES,
+    check_hash,
+    check_names,
+    check_numbers,
+    check_steps_per_action,
+    naming,
+)
+from flapgym.wording import shown
 
 Activation = Literal["tanh", "relu"]
 Squash = Literal["clip", "tanh"]
@@ -54,33 +63,52 @@ class Policy:
     model_hash: str | None = None
 
     def __post_init__(self) -> None:
+        with naming(self.name):
+            self._check()
+
+    def _check(self) -> None:
         for field, value, known in (
             ("activation", self.activation, get_args(Activation)),
             ("squash", self.squash, get_args(Squash)),
         ):
             if value not in known:
-                raise ValueError(
-                    f"agent {self.name}: {field}: expected one of {', '.join(known)}, got {value!r}"
-                )
-        if self.steps_per_action < 1:
+                raise ValueError(f"{field}: expected one of {', '.join(known)}, got {shown(value)}")
+        if not isinstance(self.per_blade, bool | np.bool_):
+            raise ValueError(f"per_blade: expected true or false, got {shown(self.per_blade)}")
+        if not self.weights or len(self.weights) != len(self.biases):
             raise ValueError(
-                f"agent {self.name}: steps_per_action: expected at least 1, got {self.steps_per_action}"
+                f"weights: expected as many layers as biases, got {len(self.weights)} and {len(self.biases)}"
             )
+        for field, found in {
+            "observe": check_names(self.observe, BLADE_QUANTITIES, "observe"),
+            "steps_per_action": check_steps_per_action(self.steps_per_action),
+            "model_hash": check_hash(self.model_hash),
+            "offset": check_numbers(self.offset, "offset", 1),
+            "scale": check_numbers(self.scale, "scale", 1),
+            "weights": tuple(
+                check_numbers(weight, f"weights[{i}]", 2) for i, weight in enumerate(self.weights)
+            ),
+            "biases": tuple(check_numbers(bias, f"biases[{i}]", 1) for i, bias in enumerate(self.biases)),
+        }.items():
+            object.__setattr__(self, field, found)
+        self._check_shapes()
+
+    def _check_shapes(self) -> None:
         size = len(self.observe) * (1 if self.per_blade else BLADES)
         if self.offset.shape != (size,) or self.scale.shape != (size,):
             raise ValueError(
-                f"agent {self.name}: offset and scale need {size} entries, got {self.offset.size}"
+                f"offset and scale: expected {size} entries each, got {self.offset.size} and {self.scale.size}"
             )
-        if not self.weights or len(self.weights) != len(self.biases):
-            raise ValueError(f"agent {self.name}: {len(self.weights)} weights and {len(self.biases)} biases")
         for weight, bias in zip(self.weights, self.biases, strict=True):
             if weight.ndim != 2 or weight.shape != (bias.size, size):
                 raise ValueError(
-                    f"agent {self.name}: layer of {weight.shape} after {size} values, bias {bias.size}"
+                    f"weights: expected a layer of {(bias.size, size)} after {size} values, got {weight.shape}"
                 )
             size = bias.size
         if size != (1 if self.per_blade else BLADES):
-            raise ValueError(f"agent {self.name}: last layer gives {size} actions")
+            raise ValueError(
+                f"weights: expected {1 if self.per_blade else BLADES} actions of the last layer, got {size}"
+            )
 
     def predict(
         self,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.control.agent import BLADES, Array, Floats, by_blade
+from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, one_product
 from flapgym.control.channels import MULTIBLADE, Channels, controller_channels
 from flapgym.state_space import StateSpace
@@ -45,6 +46,10 @@ class RotorController:
     _step: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        with naming(self.name):
+            self._check()
+
+    def _check(self) -> None:
         channels = controller_channels(self.system.inputs)
         if (
             channels.count != BLADES
@@ -52,17 +57,14 @@ class RotorController:
             or self.system.outputs != channels.outputs
         ):
             raise ValueError(
-                f"agent {self.name}: expected a controller of three flaps, got {self.system.inputs} to "
-                f"{self.system.outputs}"
+                f"expected a controller of three flaps, got {self.system.inputs} to {self.system.outputs}"
             )
-        if not self.acceleration_limit > 0.0:
-            raise ValueError(
-                f"agent {self.name}: acceleration_limit must be positive, got {self.acceleration_limit}"
-            )
+        if not 0.0 < self.acceleration_limit < np.inf:
+            raise ValueError(f"acceleration_limit: expected a positive number, got {self.acceleration_limit}")
+        check_hash(self.model_hash)
+        object.__setattr__(self, "start", check_numbers(self.start, "start", 2))
         if self.start.shape != (self.system.order, 3 * BLADES):
-            raise ValueError(
-                f"agent {self.name}: start: expected shape {(self.system.order, 9)}, got {self.start.shape}"
-            )
+            raise ValueError(f"start: expected shape {(self.system.order, 9)}, got {self.start.shape}")
         azimuth = ("azimuth",) if channels == MULTIBLADE else ()
         object.__setattr__(self, "observe", (*CONTROLLER_INPUTS, *azimuth))
         object.__setattr__(self, "_step", one_product(self.system, self.acceleration_limit))
@@ -82,7 +84,8 @@ class RotorController:
         """Action (..., 3) and next state (..., order) for an observation (..., 9), or (..., 11) with the azimuth."""
         values = np.asarray(observation)
         signals = 3 * BLADES
-        blades = np.swapaxes(by_blade(values[..., :signals], CONTROLLER_INPUTS), -1, -2)
+        with told_by(self.name):
+            blades = np.swapaxes(by_blade(values[..., :signals], CONTROLLER_INPUTS), -1, -2)
         turned = self.channels == MULTIBLADE
         if turned:
             if values.shape[-1] != signals + 2:

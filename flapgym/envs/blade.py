@@ -66,7 +66,8 @@ class BladeEnv(FlapEnv):
 
     ## Version History
 
-    - v0: first version.
+    - v1: a blade of the turbine as published, model `nrel5mw-corrected`.
+    - v0: a blade of the turbine as the paper reads it, model `nrel5mw-rated`.
     """
 
     single_blade = True

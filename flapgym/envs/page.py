@@ -20,6 +20,7 @@ import gymnasium
 import numpy as np
 from gymnasium.envs.registration import load_env_creator
 
+from flapgym.atomic import write_together
 from flapgym.envs.registration import ENVIRONMENTS, Registered
 
 _MADE = "<!-- Made by `python -m flapgym.envs.page docs`; edit the docstrings and flapgym/envs/registration.py. -->"
@@ -175,8 +176,7 @@ def write(folder: Path) -> None:
     for old in (folder / "environments").glob("*.md"):
         if f"environments/{old.name}" not in made:
             old.unlink()
-    for name, text in made.items():
-        (folder / name).write_text(text, encoding="utf-8")
+    write_together({folder / name: text.encode() for name, text in made.items()})
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

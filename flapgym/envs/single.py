@@ -152,12 +152,15 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class` (`"I"` to `"III"`, default `"I"`) and
     `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may `rotor_diameter` (126) and `hub_height`
     (90). A recording has the header `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about the mean wind (also ms,
-    min, h and km/h, kn), is linear between its samples and must last for the episode, which begins at its moment
-    `start`, by default its first.
+    min, h and km/h, kn). Semicolons or tabs may stand for the commas, and decimal commas for points then; times may be
+    dates of ISO 8601 under the header `time`, counted in seconds from the first. It is linear between its samples and
+    must last for the episode, which begins at its moment `start`, by default its first.
 
     ## Version History
 
-    - v0: first version.
+    - v1: the turbine as published and held to OpenFAST, model `nrel5mw-corrected`: beam and lattice joined at the pitch
+      axis by station, sections' own lift slope, drag and moment, all linear terms of the loads, a wake that moves.
+    - v0: the turbine as the paper reads it, model `nrel5mw-rated`. Its ids stay, with `-v0`.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 (Gymnasium's form)

@@ -11,10 +11,12 @@ from tqdm import tqdm
 
 from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
+from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
+from flapgym.envs.observation import QUANTITIES
 from flapgym.evaluation.bootstrap import Estimate, paired_change
 from flapgym.evaluation.metrics import Metrics, Record, measure
-from flapgym.evaluation.report import writable_folder, write_report
+from flapgym.evaluation.report import FILES, writable_folder, write_report
 from flapgym.evaluation.simulate import BATCH, simulate
 
 SCORED_SEED = 1_000_000
@@ -201,7 +203,7 @@ def compare(
         Naming the agent, model or option at fault.
     """
     planned = plan(agents, model, realisations, seed, duration)
-    folder = None if output is None else writable_folder(output)
+    folder = None if output is None else writable_folder(output, FILES)
     comparison = run(planned, progress)
     if folder is not None:
         write_report(comparison, folder)
@@ -211,7 +213,9 @@ def compare(
 def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
     """Agents ready to run, open loop first; two of one name would share a row."""
     found = [load_agent(a, model) if isinstance(a, str | os.PathLike) else a for a in agents]
-    ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if agent.name != OpenLoop.name))
+    for agent in found:
+        check_agent(agent, QUANTITIES)
+    ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if not isinstance(agent, OpenLoop)))
     names = [agent.name for agent in ordered]
     for name in names:
         if names.count(name) > 1:

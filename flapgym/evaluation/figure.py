@@ -47,7 +47,10 @@ def draw_figure(comparison: Comparison, file_format: str = "png") -> bytes:
     _pair(axes[3], cycles, open_loop.tower_fore_aft[0], closed.tower_fore_aft[0], "tower-top fore-aft [m]")
     axes[3].set_xlabel("rotor revolutions")
     axes[0].set_title(
-        f"{comparison.model_name}: blade 1, realisation {comparison.seed}", loc="left", fontsize=10
+        f"{comparison.model_name}: blade 1, realisation {comparison.seed}",
+        loc="left",
+        fontsize=10,
+        parse_math=False,  # a name may hold a dollar
     )
     for axis in axes:
         axis.set_xlim(0.0, cycles[-1])

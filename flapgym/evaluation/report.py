@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import csv
+import html
 import io
 import json
 import os
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flapgym.atomic import write_atomically
+from flapgym.atomic import check_target, write_together
 from flapgym.evaluation.bootstrap import Estimate
 from flapgym.evaluation.figure import draw_figure, figure_is_possible
 
@@ -29,8 +31,11 @@ FEW = 10
 """Below this number of realisations the table calls its intervals indicative."""
 
 
-def writable_folder(output: str | os.PathLike[str]) -> Path:
-    """The folder for the results, made if it is missing; refused if nothing can be written there."""
+FILES = ("compare.json", "compare.csv", "compare.md", "compare.png")
+
+
+def writable_folder(output: str | os.PathLike[str], files: Iterable[str] = ()) -> Path:
+    """The folder for the results, made if missing; refused if nothing, or one of these files not, can be written."""
     folder = Path(output)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -38,17 +43,18 @@ def writable_folder(output: str | os.PathLike[str]) -> Path:
         raise ValueError(f"output {folder}: cannot make this folder ({error.strerror})") from None
     if not os.access(folder, os.W_OK):
         raise ValueError(f"output {folder}: cannot write in this folder; name another")
+    for name in files:
+        check_target(folder / name)
     return folder
 
 
 def write_report(comparison: Comparison, folder: Path) -> None:
-    """Write compare.json, .csv, .md and, where matplotlib is installed, .png."""
+    """Write compare.json, .csv, .md and, where matplotlib is installed, .png: all of them or none."""
     document = json.dumps(as_json(comparison), indent=2, allow_nan=False) + "\n"
-    write_atomically(folder / "compare.json", document.encode())
-    write_atomically(folder / "compare.csv", as_csv(comparison).encode())
-    write_atomically(folder / "compare.md", as_markdown(comparison).encode())
+    contents = [document.encode(), as_csv(comparison).encode(), as_markdown(comparison).encode()]
     if figure_is_possible():
-        write_atomically(folder / "compare.png", draw_figure(comparison))
+        contents.append(draw_figure(comparison))
+    write_together({folder / name: content for name, content in zip(FILES, contents, strict=False)})
 
 
 def as_json(comparison: Comparison) -> dict[str, Any]:
@@ -76,7 +82,8 @@ def as_csv(comparison: Comparison) -> str:
     """One row an agent, the three numbers of a change in columns of their own."""
     rows = []
     for name, score in comparison.scores.items():
-        row: dict[str, Any] = {"agent": name}
+        # A spreadsheet would compute what begins like a formula.
+        row: dict[str, Any] = {"agent": f"'{name}" if name.startswith(("=", "+", "-", "@")) else name}
         for field, value in asdict(score).items():
             if isinstance(value, dict):
                 row |= {f"{field}_{key}": entry for key, entry in value.items()}
@@ -94,7 +101,7 @@ def as_markdown(comparison: Comparison) -> str:
     """The table with its caption and remarks."""
     header, rows = _cells(comparison)
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    lines += ["| " + " | ".join(html.escape(cell).replace("|", "\\|") for cell in row) + " |" for row in rows]
     return "\n".join([_caption(comparison), "", *lines, "", *_remarks(comparison)]) + "\n"
 
 

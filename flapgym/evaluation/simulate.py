@@ -66,7 +66,13 @@ def simulate(
     while done < kept:
         if coming is not None:
             observation = np.hstack([observation, coming[:, done : done + preview]])
-        action, state = agent.predict(observation, state, start)
+        with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
+            action, state = agent.predict(observation, state, start)
+        if not np.isfinite(action).all():
+            raise ValueError(
+                f"agent {agent.name}: gave an action that is not finite after {done * model.time_step:.2f} s; "
+                "its own state or its layers overflow"
+            )
         observation, _, terminated, truncated, info = environment.step(action)
         for name in _SAMPLES:
             pieces[name].append(info["samples"][name])

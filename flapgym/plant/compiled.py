@@ -45,6 +45,14 @@ EDITION = zlib.crc32(
 """Of the files that go into the compiled code beside this one."""
 
 
+def kept(function: Any) -> Any:
+    """Compile on demand and keep the code on disk; for this process alone where no folder takes it."""
+    try:
+        return njit(cache=True, **OPTIONS)(function)
+    except RuntimeError:  # numba may write neither beside this file nor in the user's cache folder
+        return njit(**OPTIONS)(function)
+
+
 @intrinsic
 def _doubles(typingctx, address):  # type: ignore[no-untyped-def]
     """Pointer to double precision from an address."""
@@ -72,7 +80,7 @@ def _pointer_to(kind: Any, address: Any) -> tuple[Any, Any]:
     return signature, generate
 
 
-@njit(cache=True, **OPTIONS)
+@kept
 def advance_double(address, actions, observation, rows):  # type: ignore[no-untyped-def]
     """Hold actions for an interval; returns what happened.
 
@@ -106,7 +114,7 @@ def advance_double(address, actions, observation, rows):  # type: ignore[no-unty
     return _told(status, row)
 
 
-@njit(cache=True, **OPTIONS)
+@kept
 def advance_single(address, actions, observation, rows):  # type: ignore[no-untyped-def]
     """The same with modes and responses in single precision."""
     widest_vectors()

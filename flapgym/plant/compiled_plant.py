@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import inspect
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import types
+from numba import njit, types
 from numba.core import event
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant import compiled, layout
 from flapgym.plant.actuator import Actuator
+from flapgym.plant.compiled_loops import OPTIONS
 from flapgym.plant.interface import FloatArray, Quick, Setup, Start, Task
 from flapgym.plant.kernel import prepare
 from flapgym.plant.lifted_plant import first_interval, first_motion
@@ -26,15 +30,19 @@ from flapgym.state_space import Array
 class _Announce(event.Listener):
     """Says so when code is compiled in earnest, not when it is read from the cache."""
 
-    def __init__(self, precision: str) -> None:
+    def __init__(self, precision: str, kept: bool) -> None:
         super().__init__()
-        self.precision, self.said = precision, False
+        self.precision, self.kept, self.said = precision, kept, False
 
     def on_start(self, event: Any) -> None:
         if not self.said:
+            once = (
+                "once for this installation"
+                if self.kept
+                else "for this process alone, since no folder keeps it (name one in NUMBA_CACHE_DIR)"
+            )
             sys.stderr.write(
-                f"flapgym: compiling the plant's kernel in {self.precision}, once for this installation "
-                "(ten to twenty seconds)\n"
+                f"flapgym: compiling the plant's kernel in {self.precision}, {once} (ten to twenty seconds)\n"
             )
             sys.stderr.flush()
         self.said = True
@@ -65,10 +73,10 @@ def load_kernel(precision: str, afresh: bool = False) -> tuple[Any, Any]:
         which costs as much as a third of a step: who calls it sees to the types.
     """
     function = {"float64": compiled.advance_double, "float32": compiled.advance_single}[precision]
+    announce, entries = _Announce(precision, function.stats.cache_path is not None), []
     if afresh:
-        function._cache.flush()
-        function._reset_overloads()
-    announce, entries = _Announce(precision), []
+        with event.install_listener("numba:compile", announce):
+            function.recompile()
     for action in (types.float32, types.float64):
         arguments = (
             types.int64,
@@ -77,11 +85,28 @@ def load_kernel(precision: str, afresh: bool = False) -> tuple[Any, Any]:
             types.float32[::1],
             types.float64[::1],
         )
-        if arguments not in function.overloads:
-            with event.install_listener("numba:compile", announce):
-                function.compile(RETURNED(*arguments))
-        entries.append(function.overloads[arguments].entry_point)
+        with event.install_listener("numba:compile", announce):
+            entries.append(compile_kept(function, RETURNED(*arguments)))
     return entries[0], entries[1]
+
+
+def compile_kept(function: Any, signature: Any) -> Any:
+    """Compiled code, made or read from the cache; what is damaged there is removed, and nothing there is needed."""
+    try:
+        return function.compile(signature)
+    except Exception:
+        # Numba unpickles what it kept, and of a file that is empty or cut comes any error.
+        folder = function.stats.cache_path
+        if folder is None:
+            raise
+        source = Path(inspect.getfile(function.py_func)).stem
+        for kept in Path(folder).glob(f"{source}.{function.py_func.__qualname__}-*.nb?"):
+            with contextlib.suppress(OSError):
+                kept.unlink()
+    try:
+        return function.compile(signature)
+    except OSError:  # the folder is gone since numba chose it
+        return njit(**OPTIONS)(function.py_func).compile(signature)
 
 
 class CompiledPlant:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flapgym.atomic import write_picture
 from flapgym.structure.blade import blade_beam
 from flapgym.structure.modes import Mode, named_modes
 from flapgym.structure.rotation import Array, about_x
@@ -64,5 +65,6 @@ def plot_modes(turbine: Turbine, path: Path, elements: int = 48) -> None:
         axes.set_yticks([-50, 0, 50])
         axes.set_zticks([0, 50, 100, 150])
         axes.view_init(elev=12.0, azim=-125.0)
-    figure.suptitle(f"{turbine.name}, parked, {elements} elements a blade: wind from the left, lengths in m")
-    figure.savefig(path, dpi=80)
+    title = f"{turbine.name}, parked, {elements} elements a blade: wind from the left, lengths in m"
+    figure.suptitle(title, parse_math=False)  # a name may hold a dollar
+    write_picture(path, figure, dpi=80)

@@ -18,9 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.turbine.units import article, parse_quantity, show, unit_size
+from flapgym.wording import one_line, shown
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+
+LONGEST_TEXT = 1000
+"""Characters of a text in a file, which may be the path of another."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,11 +76,12 @@ class Quantity(_Bounded):
         if isinstance(value, str) and value in self.words:
             return value
         if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-            raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {value!r}")
-        if not self.holds(np.asarray(value, dtype=float)):
-            given = show(float(value), self.dimension)
+            raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {shown(value)}")
+        number = as_float(value)
+        if not self.holds(np.asarray(number)):
+            given = show(number, self.dimension)
             raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given}")
-        return float(value)
+        return number
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ class PerBlade(_Bounded):
 
     def _three(self, value: object, name: str) -> tuple[object, ...]:
         if not isinstance(value, list | tuple) or len(value) != 3:
-            raise ValueError(f"{name}: expected three values, one a blade, got {value!r}")
+            raise ValueError(f"{name}: expected three values, one a blade, got {shown(value)}")
         return tuple(value)
 
 
@@ -115,15 +120,15 @@ class Count(_Bounded):
     def check(self, value: object, name: str) -> int:
         """Refuse what is not a whole number in range."""
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        if not whole or not self.holds(np.asarray(value, dtype=float)):
+        if not whole or not self.holds(np.asarray(as_float(value))):
             range_ = self.describe("number").replace("a finite ", "")
-            raise ValueError(f"{name}: expected a whole number, {range_}, got {value!r}")
+            raise ValueError(f"{name}: expected a whole number, {range_}, got {shown(value)}")
         return int(typing.cast(int, value))
 
 
 @dataclass(frozen=True)
 class Text:
-    """A text that is not empty."""
+    """A text of one line that is not empty."""
 
     def parse(self, value: object, name: str) -> str:
         """Read a TOML value."""
@@ -132,7 +137,12 @@ class Text:
     def check(self, value: object, name: str) -> str:
         """Refuse what is not a text."""
         if not isinstance(value, str) or not value.strip():
-            raise ValueError(f"{name}: expected a text, got {value!r}")
+            raise ValueError(f"{name}: expected a text, got {shown(value)}")
+        # Names go to terminals, tables and figures.
+        if not value.isprintable() or len(value) > LONGEST_TEXT:
+            raise ValueError(
+                f"{name}: expected a text of one line and at most {LONGEST_TEXT} characters, got {shown(value)}"
+            )
         return value
 
 
@@ -149,7 +159,7 @@ class Choice:
     def check(self, value: object, name: str) -> str:
         """Refuse what is none of the words."""
         if not isinstance(value, str) or value not in self.words:
-            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {value!r}")
+            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {shown(value)}")
         return value
 
 
@@ -162,7 +172,10 @@ class Column(_Bounded):
 
     def check(self, value: object, name: str) -> Array:
         """Refuse a column with a value out of range or out of order; return it read-only."""
-        column = np.array(value, dtype=np.float64)
+        try:
+            column = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"{name}: expected a row of numbers, got {shown(value)}") from None
         if column.ndim != 1 or column.size < 2:
             raise ValueError(f"{name}: expected two or more stations in one row, got shape {column.shape}")
         outside = np.flatnonzero(~self.holds(column))
@@ -189,8 +202,16 @@ class TextColumn:
     def check(self, value: object, name: str) -> tuple[str, ...]:
         """Refuse what is not one text per station."""
         if not isinstance(value, Iterable) or isinstance(value, str):
-            raise ValueError(f"{name}: expected one text per station, got {value!r}")
+            raise ValueError(f"{name}: expected one text per station, got {shown(value)}")
         return tuple(Text().check(item, name) for item in value)
+
+
+def as_float(value: Any) -> float:
+    """The number in double precision; infinite where it has no room there."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
 
 
 def specification(cls: type) -> dict[str, Any]:
@@ -228,7 +249,7 @@ def read(cls: type[T], table: object, section: str = "") -> T:
         Dotted name of the table, for messages.
     """
     if not isinstance(table, Mapping):
-        raise ValueError(f"{section}: expected a table [{section}], got {table!r}")
+        raise ValueError(f"{section}: expected a table [{section}], got {shown(table)}")
     specs = specification(cls)
     if any(isinstance(spec, Column) for spec in specs.values()):
         return cls(**_read_columns(specs, table, section))
@@ -243,7 +264,7 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
         cls = typing.cast(type, spec)
         return value if isinstance(value, cls) else read(cls, value, name)
     if not isinstance(value, list) or not value:
-        raise ValueError(f"{name}: expected one or more tables [[{name}]], got {value!r}")
+        raise ValueError(f"{name}: expected one or more tables [[{name}]], got {shown(value)}")
     (item, _) = typing.get_args(spec)
     return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
 
@@ -275,7 +296,7 @@ def check_keys(table: Mapping[str, object], known: Iterable[str], section: str) 
     known = list(known)
     for key in table:
         if key not in known:
-            raise ValueError(f"{_dotted(section, key)}: unknown key; {_suggest(key, known)}")
+            raise ValueError(f"{one_line(_dotted(section, key), 100)}: unknown key; {_suggest(key, known)}")
     for key in known:
         if key not in table:
             raise ValueError(f"{_dotted(section, key)}: missing; give it a value")
@@ -299,21 +320,23 @@ def _read_columns(specs: dict[str, Any], table: Mapping[str, Any], section: str)
     count = Count(at_least=2).check(table["stations"], f"{section}.stations")
     headers, rows = table["columns"], table["rows"]
     if not isinstance(headers, list) or not all(isinstance(header, str) for header in headers):
-        raise ValueError(f'{section}.columns: expected texts such as "radius [m]", got {headers!r}')
+        raise ValueError(f'{section}.columns: expected texts such as "radius [m]", got {shown(headers)}')
     matches = [_HEADER.fullmatch(header) for header in headers]
     units = {match[1]: match[2] or "" for match in matches if match}
     if len(units) < len(headers):
-        raise ValueError(f'{section}.columns: expected each column once, as "radius [m]", got {headers!r}')
+        raise ValueError(
+            f'{section}.columns: expected each column once, as "radius [m]", got {shown(headers)}'
+        )
     check_keys(units, specs, section)
     if not isinstance(rows, list) or len(rows) != count:
-        given = len(rows) if isinstance(rows, list) else repr(rows)
+        given = len(rows) if isinstance(rows, list) else shown(rows)
         raise ValueError(
             f"{section}.rows: expected the {count} stations declared by {section}.stations, got {given}"
         )
     for station, row in enumerate(rows, 1):
         if not isinstance(row, list) or len(row) != len(units):
             raise ValueError(
-                f"{section}.rows: expected {len(units)} values at station {station}, got {row!r}"
+                f"{section}.rows: expected {len(units)} values at station {station}, got {shown(row)}"
             )
     columns = dict(zip(units, zip(*rows, strict=True), strict=True))
     return {
@@ -327,5 +350,5 @@ def _read_column(spec: Any, values: tuple[object, ...], unit: str, name: str) ->
     size = unit_size(spec.dimension, unit, name)
     for station, value in enumerate(values, 1):
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueError(f"{name}: expected a number, got {value!r} at station {station}")
-    return spec.check(np.array(values, dtype=float) * size, name)
+            raise ValueError(f"{name}: expected a number, got {shown(value)} at station {station}")
+    return spec.check(np.array([as_float(value) for value in values]) * size, name)

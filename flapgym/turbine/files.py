@@ -8,15 +8,17 @@ share one. A case names its turbine the same way.
 from __future__ import annotations
 
 import os
-import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
+from flapgym.files import LARGEST_SETTINGS, read_toml, regular_file
 from flapgym.turbine.case import Case
 from flapgym.turbine.fields import Text, read
 from flapgym.turbine.machine import Turbine
+from flapgym.wording import shown
 
 T = TypeVar("T")
 
@@ -25,6 +27,9 @@ BUILT_IN = {
     "turbine": ("nrel5mw",),
     "case": (DEFAULT_CASE, "nrel5mw-corrected-heavy-blade", "nrel5mw-rated", "nrel5mw-heavy-blade"),
 }
+BUILT_IN = {"turbine": ("nrel5mw",), "case": ("nrel5mw-rated", "nrel5mw-heavy-blade")}
+LONGEST_CHAIN = 10
+"""Files that derive from each other, one after another."""
 
 
 def load_turbine(name_or_path: str | os.PathLike[str] = "nrel5mw") -> Turbine:
@@ -51,44 +56,53 @@ def _find(name_or_path: str | os.PathLike[str], kind: str, folder: Path) -> Path
     if text in BUILT_IN[kind]:
         # The package is installed as plain files, so the resource is a path.
         return Path(str(resources.files("flapgym.turbine").joinpath("data", f"{text}.toml")))
-    path = folder / text
-    if not path.is_file():
+    try:
+        # An empty text would be the folder itself.
+        return regular_file(folder / (text or "''"), LARGEST_SETTINGS)
+    except FileNotFoundError:
         known = ", ".join(BUILT_IN[kind])
         raise FileNotFoundError(
-            f"{kind} {text!r}: no such file; give a TOML file or a built-in name ({known})"
-        )
-    return path
+            f"{kind} {shown(text)}: no such file; give a TOML file or a built-in name ({known})"
+        ) from None
 
 
 def _load(cls: type[T], path: Path, kind: str) -> T:
-    try:
-        return read(cls, _merged(path, kind, ()))
-    except ValueError as error:
-        raise ValueError(f"{error} (in {path})") from None
+    table = _merged(path, kind, ())
+    with _named(path):
+        return read(cls, table)
 
 
 def _merged(path: Path, kind: str, derived: tuple[Path, ...]) -> dict[str, Any]:
     """Parse a file and lay it over its base; `derived` are the files that led here."""
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path.name}: not valid TOML: {error}") from None
-    if kind == "case" and "turbine" in document:
-        turbine = _find(Text().check(document["turbine"], "turbine"), "turbine", path.parent)
-        document["turbine"] = _load(Turbine, turbine, "turbine")
-    if "base" not in document:
-        if kind == "case" and "turbine" not in document:
+    document = read_toml(path)
+    with _named(path):
+        if kind == "case" and "turbine" in document:
+            turbine = _find(Text().check(document["turbine"], "turbine"), "turbine", path.parent)
+            document["turbine"] = _load(Turbine, turbine, "turbine")
+        if "base" not in document:
+            if kind == "case" and "turbine" not in document:
+                raise ValueError(
+                    'base: missing; give the case this one differs from, such as base = "nrel5mw-rated", or a turbine'
+                )
+            return document
+        base = _find(Text().check(document.pop("base"), "base"), kind, path.parent)
+        chain = (*derived, path.resolve())
+        if base.resolve() in chain or len(chain) > LONGEST_CHAIN:
             raise ValueError(
-                'base: missing; give the case this one differs from, such as base = "nrel5mw-rated", or a turbine'
+                f"base: expected a file that does not lead back here, within {LONGEST_CHAIN} files, got {base}"
             )
-        return document
-    base = _find(Text().check(document.pop("base"), "base"), kind, path.parent)
-    chain = (*derived, path.resolve())
-    if base.resolve() in chain:
-        raise ValueError(f"base: expected a file that does not lead back here, got {base}")
     inherited = _merged(base, kind, chain)
     inherited.pop("name", None)
     return _overlaid(inherited, document)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Say in which file the field stands that an error is about."""
+    try:
+        yield
+    except (ValueError, FileNotFoundError) as error:
+        raise type(error)(f"{error} (in {path})") from None
 
 
 def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

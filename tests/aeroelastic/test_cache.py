@@ -2,19 +2,36 @@
 
 import multiprocessing
 import os
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import flapgym.aeroelastic.cache as cache
 from flapgym.aeroelastic import load_model
-from flapgym.aeroelastic.cache import cache_folder, cached_model
+from flapgym.aeroelastic.cache import cache_folder, cached_model, cached_path
 from flapgym.aeroelastic.record import Flutter
+from flapgym.aeroelastic.sources import PACKAGE, files_behind
 from flapgym.turbine import load_case
 
 CASE = load_case("nrel5mw-rated")
 FLUTTER = Flutter(searched=1.0, speed=0.5, frequency=3.0)
+SMALL_CASE = """
+base = "nrel5mw-rated"
+name = "small"
+[discretisation]
+chordwise_panels = 1
+wake_length = "0.02 rotor diameters"
+time_step = "60 ms"
+[reduction]
+blade_modes = 2
+tower_modes = 2
+aerodynamic_states = 4
+[blades]
+mass_factor = [1.0, 1.0, 1.02]
+"""
 
 
 @pytest.fixture
@@ -116,3 +133,57 @@ def test_processes_that_ask_at_once_build_once(tmp_path):
         worker.join()
     assert [worker.exitcode for worker in workers] == [0] * 4
     assert (tmp_path / "log").read_text() == "built\n"
+
+
+def test_all_code_that_runs_in_a_build_is_known_to_the_cache_and_none_of_what_comes_after(tmp_path):
+    path = tmp_path / "small.toml"
+    path.write_text(SMALL_CASE)
+    case, ran = load_case(path), set()
+    sys.setprofile(lambda frame, *_: ran.add(frame.f_code.co_filename))
+    try:
+        cache._complete_model(case, None)
+    finally:
+        sys.setprofile(None)
+    known = {str(file) for file in files_behind("flapgym.aeroelastic.build", "flapgym.aeroelastic.flutter")}
+    assert {name for name in ran if name.startswith(str(PACKAGE))} - known <= {cache.__file__}
+    names = {Path(name).relative_to(PACKAGE).as_posix() for name in known}
+    assert {"aeroelastic/equations.py", "turbulence/shaping_filter.py", "structure/beam.py"} <= names
+    after = (
+        "cli.py",
+        "envs/",
+        "plant/",
+        "control/",
+        "evaluation/",
+        "aeroelastic/cache.py",
+        "turbulence/gusts.py",
+    )
+    assert not [name for name in names if name.startswith(after)]
+
+
+def test_a_model_that_cannot_be_kept_is_built_once_in_a_process(kept, monkeypatch, tmp_path):
+    (tmp_path / "no folder").write_text("")
+    monkeypatch.setenv("FLAPGYM_CACHE_DIR", str(tmp_path / "no folder"))
+    with pytest.warns(RuntimeWarning, match="cannot write"):
+        first = cached_model(CASE)
+    assert cached_model(CASE) is first
+    assert kept == [CASE.name]
+
+
+@pytest.mark.parametrize("damage", ["nonsense", "folder", "pipe", "empty"])
+def test_a_cache_entry_of_any_kind_of_damage_is_built_anew(kept, damage):
+    path = cached_path(CASE)
+    path.parent.mkdir()
+    if damage == "folder":
+        path.mkdir()
+    elif damage == "pipe":
+        os.mkfifo(path)
+    else:
+        path.write_bytes(b"" if damage == "empty" else b"nonsense")
+    with pytest.warns(RuntimeWarning):
+        assert cached_model(CASE).inputs_hash == CASE.hash()
+
+
+def test_a_name_longer_than_a_file_s_may_be_is_kept(kept):
+    cached_model(replace(CASE, name=300 * "n"))
+    cached_model(replace(CASE, name=300 * "n"))
+    assert len(kept) == 1

@@ -1,14 +1,19 @@
 """Model files: faithful, atomic, and named when something is wrong with them."""
 
+import json
+import os
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import safetensors
 import safetensors.numpy
 
 from flapgym.aeroelastic import builtin_models, load_model, save_model
+from flapgym.aeroelastic.model import _checksum
 from flapgym.aeroelastic.record import readings
 from flapgym.turbine import load_case
+from tests.synthetic import synthetic_model
 
 
 def test_saved_model_is_loaded_as_it_was(tmp_path):
@@ -116,3 +121,146 @@ def test_shipped_models_tell_the_readings_and_the_flutter_of_the_code_beside_the
 
 def test_shipped_models_are_found_by_name():
     assert "nrel5mw-rated" in builtin_models()
+
+
+def resealed(path, header=(), tensors=()):
+    """Change entries (dotted; ... takes one out) and tensors of a file and seal it anew, as one who knows how would."""
+    with safetensors.safe_open(path, framework="numpy") as file:
+        content = json.loads(file.metadata()["flapgym"])
+        arrays = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
+    for given, kept in ((dict(header), content), (dict(tensors), arrays)):
+        for name, value in given.items():
+            table = kept
+            *way, last = name.split(".") if kept is content else [name]
+            for step in way:
+                table = table[step]
+            if value is ...:
+                del table[last]
+            else:
+                table[last] = value(table[last]) if callable(value) else value
+    del content["checksum"]
+    content["checksum"] = _checksum(arrays, content)
+    path.write_bytes(safetensors.numpy.save(arrays, {"flapgym": json.dumps(content, sort_keys=True)}))
+
+
+def refused(path, message):
+    with pytest.raises(ValueError) as caught:
+        load_model(path)
+    assert str(caught.value).startswith(f"model {path}: ")
+    assert message in str(caught.value)
+    assert str(caught.value).isprintable()
+    return True
+
+
+NUMBERS = (
+    "wind_speed",
+    "rotor_speed",
+    "flap_angle_limit",
+    "flap_rate_limit",
+    "acceleration_limit",
+    "rbm_rms",
+)
+
+
+@pytest.mark.parametrize("name", [*NUMBERS, "turbulence_intensity", "length_scale", "time_step"])
+@pytest.mark.parametrize("value", ["11", -1.0, 0, True, None, [1.0], 1e400])
+def test_a_sealed_model_with_no_positive_number_where_one_is_meant_is_refused(tmp_path, name, value):
+    path = tmp_path / "model.safetensors"
+    save_model(synthetic_model(), path)
+    if value == 1e400:
+        resealed(path, {name: float("nan")})
+        assert refused(path, "damaged header: not valid JSON: expected finite numbers, got NaN")
+    else:
+        resealed(path, {name: value})
+        assert refused(path, f"{name}: expected a number from ")
+
+
+@pytest.mark.parametrize(
+    "header, tensors, message",
+    [
+        ({"name": 1}, {}, "name: expected a text of one line, got 1"),
+        ({"name": "a\n\x1b[31m"}, {}, "name: expected a text of one line"),
+        ({"inputs_hash": None}, {}, "inputs_hash: expected a text"),
+        ({"case": []}, {}, "case: expected a mapping, got []"),
+        ({"record": None}, {}, "record: expected a mapping"),
+        ({"turbine": 1}, {}, "turbine: expected a mapping"),
+        ({"record.tools": {"numpy": 1}}, {}, "record.tools.numpy: expected a text"),
+        ({"record.readings": "all"}, {}, "record.readings: expected a list"),
+        ({"record.errors": {"x": "small"}}, {}, "record.errors.x: expected a number from 0"),
+        (
+            {"record.flutter": {"searched": "far", "speed": None, "frequency": None}},
+            {},
+            "record.flutter.searched: expected a number",
+        ),
+        ({"record.flutter": {"speed": 1.0}}, {}, "record.flutter: expected the entries searched, speed"),
+        (
+            {"record.flutter": {"searched": 1.0, "speed": 1.0, "frequency": None}},
+            {},
+            "record.flutter.frequency: expected",
+        ),
+        ({"turbine.inputs": ["a"]}, {}, "turbine.B: expected shape"),
+        ({"turbine.inputs": lambda names: names[::-1]}, {}, "turbine.inputs: expected flap_angle_0"),
+        ({"blade.outputs": "rbm"}, {}, "blade.outputs: expected a list"),
+        ({"blade": ...}, {}, "'blade': missing"),
+        ({"rbm_rms": ...}, {}, "'rbm_rms': missing"),
+        ({"colour": "red"}, {}, "'colour': unknown entry"),
+        (
+            {},
+            {"turbine.A": lambda A: 1.2 * A},
+            "turbine.A: expected a stable system, of a spectral radius below 1",
+        ),
+        ({}, {"blade.A": lambda A: 1.2 * A}, "blade.A: expected a stable system"),
+        ({}, {"turbine.A": lambda A: A[:-1]}, "turbine.A: expected shape"),
+        ({}, {"turbine.A": lambda A: A * np.nan}, "'turbine.A': expected finite numbers below 1e+30"),
+        (
+            {},
+            {"turbine.A": lambda A: A.astype(np.float32)},
+            "'turbine.A': expected numbers in double precision",
+        ),
+        ({}, {"turbine.A": lambda A: A.ravel()}, "turbine.A: expected shape"),
+        ({}, {"turbine.A": ...}, "'turbine.A': missing"),
+        ({}, {"spare": np.zeros(3)}, "'spare': unknown matrix"),
+        ({}, {"periodic.left": np.zeros((21, 1))}, "'periodic.right': missing"),
+    ],
+)
+def test_a_sealed_model_of_nonsense_is_refused_by_its_entry(tmp_path, header, tensors, message):
+    path = tmp_path / "model.safetensors"
+    save_model(synthetic_model(), path)
+    resealed(path, header, tensors)
+    assert refused(path, message)
+
+
+@pytest.mark.parametrize(
+    "name, change",
+    [
+        ("left", lambda left: left[:-1]),
+        ("right", lambda right: right[:, :-1]),
+        ("core", lambda core: core[:, :, :-1]),
+        ("core", lambda core: core[0]),
+        ("forcing", lambda forcing: forcing[:, :-1]),
+        ("forcing", lambda forcing: forcing[:1]),
+        ("left", lambda left: left.ravel()),
+    ],
+)
+def test_a_sealed_periodic_part_that_does_not_fit_is_refused(tmp_path, name, change):
+    path = tmp_path / "model.safetensors"
+    save_model(load_model("nrel5mw-heavy-blade"), path)
+    resealed(path, {}, {f"periodic.{name}": change})
+    assert refused(path, "periodic")
+
+
+def test_an_unstable_model_is_not_saved(tmp_path):
+    model = synthetic_model()
+    unstable = replace(model, turbine=replace(model.turbine, A=1.2 * model.turbine.A))
+    with pytest.raises(ValueError, match="model synthetic: turbine.A: expected a stable system"):
+        save_model(unstable, tmp_path / "model.safetensors")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("path, kind", [("/dev/zero", "a device"), ("pipe", "a pipe"), (".", "a folder")])
+def test_a_model_is_a_regular_file(tmp_path, path, kind):
+    if path == "pipe":
+        path = tmp_path / "pipe"
+        os.mkfifo(path)
+    with pytest.raises(ValueError, match=f"model .*: expected a regular file, got {kind}"):
+        load_model(path)

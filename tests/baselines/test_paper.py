@@ -80,6 +80,19 @@ def test_another_model_or_setting_finds_nothing_in_the_cache(tmp_path):
     assert len(calls) == 3
 
 
+@pytest.mark.parametrize("content", [b"", b"PK", b"nonsense"])
+def test_a_damaged_part_is_computed_again(tmp_path, content):
+    cache = Cache(tmp_path, "a")
+    cache.arrays("part", {}, lambda: {"value": np.arange(3.0)})
+    path = cache.path("part", {})
+    path.write_bytes(content)
+    found = cache.arrays("part", {}, lambda: {"value": np.arange(4.0)})
+    np.testing.assert_array_equal(found["value"], np.arange(4.0))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    assert cache.arrays("part", {}, lambda: {"value": np.arange(5.0)})["value"].size == 5
+
+
 def test_a_system_comes_back_from_the_cache_as_it_was(tmp_path):
     cache = Cache(tmp_path, "a")
     cache.system("blade", {}, lambda: MODEL.blade)

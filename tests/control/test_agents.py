@@ -1,6 +1,5 @@
 """Agents as the evaluation uses them: batches, episode starts, files, and refusals that name the fault."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -161,65 +160,20 @@ def test_an_unknown_agent_is_refused_with_the_known_ones():
         load_agent("nowhere.json", MODEL)
 
 
-def _saved(tmp_path):
-    path = tmp_path / "agent.json"
-    save_agent(path, _lqg(), MODEL, "A test.", {})
-    return path
-
-
-def _edit(path, **changes):
-    header = json.loads(path.read_text())
-    path.write_text(
-        json.dumps({key: value for key, value in (header | changes).items() if value is not None})
-    )
-
-
-def test_damaged_files_are_refused_by_what_is_wrong(tmp_path):
-    path = _saved(tmp_path)
-    matrices = path.with_suffix(".safetensors")
-    content = bytearray(matrices.read_bytes())
-    content[-1] ^= 1
-    matrices.write_bytes(content)
-    with pytest.raises(ValueError, match="checksum"):
-        load_agent(path, MODEL)
-    matrices.unlink()
-    with pytest.raises(ValueError, match="missing or damaged"):
-        load_agent(path, MODEL)
-    path.write_text("{")
-    with pytest.raises(ValueError, match="missing or damaged"):
-        load_agent(path, MODEL)
-
-
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"format_version": 99}, "format_version"),
-        ({"kind": "oracle"}, "kind"),
-        ({"time_step": None}, "time_step"),
-        ({"time_step": 0.01}, "tune it again"),
-    ],
-)
-def test_wrong_entries_are_refused_by_name(tmp_path, changes, text):
-    path = _saved(tmp_path)
-    _edit(path, **changes)
-    with pytest.raises(ValueError, match=text):
-        load_agent(path, MODEL)
-
-
 def test_an_agent_that_no_file_holds_is_refused_by_its_kind(tmp_path):
     with pytest.raises(TypeError, match="got OpenLoop; any other agent is handed to .*compare"):
         save_agent(tmp_path / "mine.json", OpenLoop(), MODEL, "A test.", {})
 
 
 def test_an_observation_of_the_wrong_size_is_refused():
-    with pytest.raises(ValueError, match="expected 9"):
+    with pytest.raises(ValueError, match="agent lqg: observation: expected 9"):
         _lqg().predict(np.zeros(3, dtype=np.float32))
     with pytest.raises(ValueError, match="expected 9"):
         _policy().predict(np.zeros(3, dtype=np.float32))
 
 
 def test_a_policy_whose_layers_do_not_fit_is_refused():
-    with pytest.raises(ValueError, match="layer of"):
+    with pytest.raises(ValueError, match="expected a layer of"):
         replace(_policy(), weights=_policy().weights[::-1])
     with pytest.raises(ValueError, match="activation"):
         replace(_policy(), activation="elu")

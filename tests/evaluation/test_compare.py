@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,7 +14,9 @@ import pytest
 from flapgym.aeroelastic.model import load_model, save_model
 from flapgym.control import OpenLoop, PDGains, Policy, Weights, lqg_agent, pd_agent, save_agent
 from flapgym.control.closed_loop import closed_loop, with_effectiveness
-from flapgym.evaluation import as_text, compare, plan, simulate
+from flapgym.evaluation import as_markdown, as_text, compare, plan, simulate
+from flapgym.evaluation.figure import draw_figure
+from flapgym.evaluation.report import as_csv, write_report
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -176,3 +180,51 @@ def test_the_saved_model_is_the_one_compared(tmp_path):
     assert (
         plan([], tmp_path / "model.safetensors").model.hash == load_model(tmp_path / "model.safetensors").hash
     )
+
+
+def test_the_four_files_appear_together_or_not_at_all(results, tmp_path, monkeypatch):
+    names = ["compare.csv", "compare.json", "compare.md", "compare.png"]
+    for name in names[:3]:
+        (tmp_path / name).write_text("before")
+
+    def full(source, target, replace=os.replace):
+        if str(target).endswith(".md"):
+            raise OSError(28, "No space left on device")
+        replace(source, target)
+
+    monkeypatch.setattr("flapgym.atomic.os.replace", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_report(results[0], tmp_path)
+    assert {name: (tmp_path / name).read_text() for name in sorted(os.listdir(tmp_path))} == dict.fromkeys(
+        names[:3], "before"
+    )
+    monkeypatch.undo()
+    write_report(results[0], tmp_path)
+    assert sorted(os.listdir(tmp_path)) == names
+
+
+@pytest.mark.parametrize("name", ["compare.json", "compare.png"])
+def test_an_output_that_cannot_be_replaced_is_refused_before_any_work(tmp_path, name):
+    (tmp_path / name).mkdir()
+    with pytest.raises(FileExistsError, match=f"{name}: expected a regular file or none there, got a folder"):
+        compare([OpenLoop()], MODEL, output=tmp_path)
+    assert os.listdir(tmp_path) == [name]
+
+
+def test_names_are_escaped_where_they_are_printed(results):
+    comparison = results[0]
+    scores = {
+        "a|b": comparison.scores["pd"],
+        "=cmd()": comparison.scores["lqg"],
+        "<b>": comparison.scores["policy"],
+    }
+    hostile = replace(comparison, scores=scores)
+    rows = [line for line in as_markdown(hostile).splitlines() if line.startswith("| ")]
+    assert {len(re.findall(r"(?<!\\)\|", row)) for row in rows} == {len(rows[0].split("|")) - 1}
+    assert "&lt;b&gt;" in as_markdown(hostile)
+    cells = [row["agent"] for row in csv.DictReader(as_csv(hostile).splitlines())]
+    assert cells == ["a|b", "'=cmd()", "<b>"]
+
+
+def test_a_model_s_name_is_no_formula_in_the_figure(results):
+    assert draw_figure(replace(results[0], model_name="$\\frac$")).startswith(b"\x89PNG")

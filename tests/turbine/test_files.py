@@ -1,5 +1,7 @@
 """Files of people: what is not understood is refused with the field's name, before any work."""
 
+import dataclasses
+import os
 from importlib import resources
 
 import pytest
@@ -184,7 +186,7 @@ def test_a_name_that_is_no_file_lists_the_built_in_ones(load, built_in, wrong):
 def test_a_file_that_is_not_text_is_refused(tmp_path):
     path = tmp_path / "model.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ValueError, match="not valid TOML"):
+    with pytest.raises(ValueError, match="expected text in UTF-8, got UTF-16"):
         load_case(path)
 
 
@@ -249,3 +251,71 @@ def test_cases_that_derive_from_each_other_are_refused(tmp_path):
 def test_a_missing_base_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match="case 'nothing': no such file"):
         load_case(write(tmp_path, 'base = "nothing"\nname = "a"\n'))
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ('"10 deg"', "1" + 399 * "0", "flap.angle_limit: expected a number of at most 64 bits"),
+        (
+            "first_lattice_node = 2",
+            "first_lattice_node = 1" + 399 * "0",
+            "expected a number of at most 64 bits",
+        ),
+        ("first_lattice_node = 2", "first_lattice_node = 2.0", "first_lattice_node: expected a whole number"),
+        (
+            "first_lattice_node = 2",
+            "first_lattice_node = true",
+            "first_lattice_node: expected a whole number",
+        ),
+        ('"10 deg"', "true", "flap.angle_limit: expected an angle"),
+        ('"10 deg"', "nan", "flap.angle_limit: expected an angle"),
+        ('"10 deg"', '"1' + 50_000 * " " + '\\n"', "flap.angle_limit: expected an angle"),
+        ('"10 deg"', "[[[]]]", "flap.angle_limit: expected an angle"),
+        ("first_lattice_node = 2", "first_lattice_node = [2]", "first_lattice_node: expected a whole number"),
+        ('name = "nrel5mw-rated"', 'name = "a\\nb"', "name: expected a text of one line"),
+        ('name = "nrel5mw-rated"', 'name = "\\u001b[31m"', "name: expected a text of one line"),
+        ('name = "nrel5mw-rated"', "name = 1", "name: expected a text, got 1"),
+        ("[flap]", '["\\u001b[31m"]', "\\x1b[31m: unknown key"),
+    ],
+)
+def test_a_value_of_another_kind_costs_one_line_that_names_the_field(tmp_path, old, new, message):
+    path = write(tmp_path, replaced(CASE_TEXT, old, new))
+    with pytest.raises(ValueError) as caught:
+        load_case(path)
+    assert message in str(caught.value)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 600
+
+
+@pytest.mark.parametrize(
+    "text", ["base = []", "base = 1", "base = {}", "turbine = 1", "[turbine]", "[[turbine]]"]
+)
+def test_a_base_or_turbine_that_is_no_text_is_refused_by_its_field(tmp_path, text):
+    path = write(tmp_path, text)
+    with pytest.raises(ValueError, match=r"^(base|turbine): expected a text, got .* \(in .*mine\.toml\)$"):
+        load_case(path)
+
+
+@pytest.mark.parametrize("path, kind", [("/dev/zero", "a device"), ("pipe", "a pipe"), (".", "a folder")])
+def test_a_case_is_a_regular_file_also_where_another_names_it(tmp_path, path, kind):
+    if path == "pipe":
+        path = tmp_path / "pipe"
+        os.mkfifo(path)
+    for name in (
+        path,
+        write(tmp_path, f'base = "{path}"\n'),
+        write(tmp_path, f'turbine = "{path}"\n', "b.toml"),
+    ):
+        with pytest.raises(ValueError, match=f"expected a regular file, got {kind}"):
+            load_case(name)
+
+
+def test_a_number_beyond_double_precision_is_out_of_range():
+    case = load_case()
+    with pytest.raises(ValueError, match=r"operating_point.wind_speed: expected .* got inf"):
+        dataclasses.replace(case.operating_point, wind_speed=10**400)
+    with pytest.raises(
+        ValueError, match=r"reduction.blade_modes: expected a whole number.* got an integer of some"
+    ):
+        dataclasses.replace(case.reduction, blade_modes=10**400)

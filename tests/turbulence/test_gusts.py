@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 
 import numpy as np
 import pytest
 
 from flapgym.turbulence import gust_of
 from flapgym.turbulence.gusts import ExtremeOperatingGust
+from flapgym.turbulence.recording import read_wind
 
 MEAN = 11.0
 TIME = np.linspace(-1.0, 20.0, 2101)
@@ -154,7 +156,7 @@ def test_numbers_of_numpy_are_numbers(number):
 
 
 def test_a_missing_recording_is_refused():
-    with pytest.raises(ValueError, match="nowhere.csv: cannot be read"):
+    with pytest.raises(ValueError, match="nowhere.csv: no such file; give the path"):
         _wind({"kind": "recorded", "file": "nowhere.csv"})
 
 
@@ -191,3 +193,81 @@ def test_a_missing_recording_is_refused():
 def test_an_impossible_gust_is_refused_by_name(spec, message):
     with pytest.raises(ValueError, match=message):
         gust_of(spec)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time [s]; wind [m/s]\n0,0; 11,5\n0,5; 12\n2,0; 9,25\n",
+        "time [s]\twind [m/s]\n0\t11.5\n0.5\t12\n2\t9.25\n",
+        "time [s]\twind [m/s]\r\n0\t11,5\r\n0,5\t12,0\r\n2\t9,25\r\n",
+        "time; wind [m/s]\n2024-01-31 23:59:59,5; 11,5\n2024-02-01 00:00:00,0; 12\n2024-02-01 00:00:01,5; 9,25\n",
+        "time [UTC], wind [m/s]\n2024-01-31T23:59:59.5Z, 11.5\n2024-02-01T00:00:00Z, 12\n"
+        "2024-02-01T00:00:01.5Z, 9.25\n",
+        "# mast 3\ntime [s];wind [m/s]\n2024-01-31T13:00:00+01:00;11.5\n"
+        "2024-01-31T13:00:00.5+01:00;12\n2024-01-31T13:00:02+01:00;9.25\n",
+        '"time [s]";"wind [km/h]"\n"0";"41,4"\n"0,5";"43,2"\n"2";"33,3"\n',
+        "\ufefftime [s]; wind [m/s]\n0; 11.5\n0.5; 12.0\n2; 9.25\n",
+    ],
+)
+def test_what_met_masts_give_is_read(tmp_path, text):
+    path = tmp_path / "mast.csv"
+    path.write_bytes(text.encode())
+    series = read_wind(path)
+    np.testing.assert_allclose(series.time, [0.0, 0.5, 2.0], atol=1e-12)
+    np.testing.assert_allclose(series.wind, [11.5, 12.0, 9.25], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (
+            "time [s]; wind [m/s]\n0; 1\n1.5; 1,5\n",
+            "line 3: expected decimal points or decimal commas, not both",
+        ),
+        ("time [s]; wind [m/s]\n0; 1\n1; 1.234,5\n", "line 3: expected two numbers"),
+        ("time [s]; wind [m/s]\n0; 1\n1; 1_0\n", "line 3: expected two numbers"),
+        ("time [s]; wind [m/s]\n0; 1; 2\n", "line 2: expected two numbers separated by a semicolon"),
+        ("time [s], wind [m/s]\n0, 1\n0,5, 1\n", "line 3: expected two numbers separated by a comma"),
+        (
+            "time, wind [m/s]\n0, 1\n1, 2\n",
+            "line 2: expected a time in ISO 8601 such as 2024-01-31T13:00:00.5",
+        ),
+        ("time, wind [m/s]\n31.01.2024 13:00, 1\n", "line 2: expected a time in ISO 8601"),
+        (
+            "time, wind [m/s]\n2024-01-31T13:00, 1\n2024-01-31T13:01Z, 1\n",
+            "line 3: .*of one time zone or none",
+        ),
+        (
+            "time, wind [m/s]\n2024-01-31T13:00, 1\n2024-01-31T13:00, 1\n",
+            "line 3: expected times that increase",
+        ),
+        (
+            "time [s], wind [m/s]\n1704070000.25, 1\n1704070000.125, 1\n",
+            "got 1704070000.125 s after 1704070000.25 s",
+        ),
+        ("time [h], wind [m/s]\n0, 1\n1e306, 1\n", "line 3: expected finite numbers"),
+        ("time [s], wind [m/s]\n0, 1\n1, \x1b[31m\n", "line 3: .*x1b"),
+    ],
+)
+def test_a_recording_that_could_mean_two_things_is_refused_by_line(tmp_path, text, message):
+    path = tmp_path / "mast.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match="mast.csv, " + message if message.startswith("line") else message):
+        read_wind(path)
+
+
+@pytest.mark.parametrize("path, kind", [("/dev/zero", "a device"), ("pipe", "a pipe")])
+def test_a_recording_is_a_regular_file(tmp_path, path, kind):
+    if path == "pipe":
+        path = tmp_path / "pipe"
+        os.mkfifo(path)
+    with pytest.raises(ValueError, match=f"expected a regular file, got {kind}"):
+        read_wind(path)
+
+
+def test_a_recording_in_another_encoding_is_refused_by_its_name(tmp_path):
+    path = tmp_path / "mast.csv"
+    path.write_bytes("# Höhe 90 m\ntime [s], wind [m/s]\n0, 1\n1, 2\n".encode("latin-1"))
+    with pytest.raises(ValueError, match="Latin-1.*line 1.*save it as UTF-8"):
+        read_wind(path)

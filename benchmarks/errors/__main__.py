@@ -1,0 +1,56 @@
+"""Write the page: `python -m benchmarks.errors docs/errors.md`; without a file it is printed."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+
+from benchmarks.errors.entry import Section, line_of
+from benchmarks.errors.files import FILES
+from flapgym.atomic import write_atomically
+
+SECTIONS: tuple[Section, ...] = (*FILES,)
+"""Of the page, in this order."""
+HEAD = """# Bad input and the line it gets
+
+Whatever a person or a file gives is checked before any work. What is refused costs one line: the field or the file,
+what is expected there, and what was given. In Python it is the text of a `ValueError` or `FileNotFoundError`; `flapgym`
+prints it and ends with exit code 2.
+
+This page is made by `python -m benchmarks.errors docs/errors.md`, which gives each of these and writes what comes back.
+"""
+
+
+def page() -> str:
+    """The page as Markdown; every entry is tried in an empty folder."""
+    parts = [HEAD]
+    for section in SECTIONS:
+        parts.append(f"## {section.title}\n\n| given | told |\n|---|---|")
+        for entry in section.entries:
+            with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+                told = line_of(entry)
+            # A vertical line would end the cell, a backtick the code.
+            shown = told.replace("|", "\\|").replace("`", "'")
+            parts.append(f"| {entry.what} | `{shown}` |")
+        parts.append("")
+    return "\n".join(parts)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; return its exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if len(given) > 1:
+        print("usage: python -m benchmarks.errors [FILE]", file=sys.stderr)
+        return 2
+    if given:
+        write_atomically(os.path.abspath(given[0]), page().encode())
+    else:
+        print(page())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

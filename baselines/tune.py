@@ -25,6 +25,7 @@ from flapgym.aeroelastic.model import DEFAULT_MODEL, load_model
 from flapgym.control import save_agent
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import PAPER_LENGTH
+from flapgym.program import Parser, Work, run
 
 CONFIG = Path(__file__).parents[1] / "configs" / "tuning.toml"
 
@@ -54,38 +55,39 @@ CONTROLLERS: dict[str, tuple[Callable[[Bench], Tuned], str]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program; return the exit code: 0, or 2 for bad input."""
-    options = _parser().parse_args(arguments)
-    try:
-        unknown = [name for name in options.controllers if name not in CONTROLLERS]
-        if unknown:
-            raise ValueError(f"{unknown[0]}: unknown controller; expected some of {', '.join(CONTROLLERS)}")
-        model = load_model(options.model)
-        tuning = load_tuning(options.config)
-        folder = writable_folder(options.output, (f"{name}.json" for name in options.controllers))
-    except (ValueError, OSError) as error:
-        print(f"baselines.tune: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    unknown = [name for name in options.controllers if name not in CONTROLLERS]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: unknown controller; expected some of {', '.join(CONTROLLERS)}")
+    model = load_model(options.model)
+    tuning = load_tuning(options.config)
+    folder = writable_folder(options.output, (f"{name}.json" for name in options.controllers))
     duration = PAPER_LENGTH * model.length_scale / model.wind_speed
-    # How many designs a rule tries is not known beforehand: the bar counts them.
-    with tqdm(unit=" designs", bar_format="{desc:<16} {n_fmt}{unit} tried, {elapsed}") as bar:
 
-        def advanced(name: str) -> None:
-            bar.set_description_str(name, refresh=False)
-            bar.update()
+    def work() -> int:
+        # How many designs a rule tries is not known beforehand: the bar counts them.
+        with tqdm(unit=" designs", bar_format="{desc:<16} {n_fmt}{unit} tried, {elapsed}") as bar:
 
-        bench = Bench(model, tuning, duration, advanced)
-        for name in options.controllers:
-            tune, description = CONTROLLERS[name]
-            try:
-                tuned = tune(bench)
-            except ValueError as error:
-                bar.close()
-                print(f"baselines.tune: {name}: {error}", file=sys.stderr)
-                return 2
-            save_agent(folder / f"{name}.json", tuned.agent, model, description, tuned.design)
-            tqdm.write(report(name, tuned))
-    return 0
+            def advanced(name: str) -> None:
+                bar.set_description_str(name, refresh=False)
+                bar.update()
+
+            bench = Bench(model, tuning, duration, advanced)
+            for name in options.controllers:
+                tune, description = CONTROLLERS[name]
+                try:
+                    tuned = tune(bench)
+                except ValueError as error:
+                    raise ValueError(f"{name}: {error}") from None
+                save_agent(folder / f"{name}.json", tuned.agent, model, description, tuned.design)
+                tqdm.write(report(name, tuned))
+        return 0
+
+    return work
 
 
 def report(name: str, tuned: Tuned) -> str:
@@ -115,7 +117,8 @@ _FOUND = (
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m baselines.tune", description=__doc__.split(":")[0] + ".")
+    parser = Parser(prog="python -m baselines.tune", description=__doc__.split(":")[0] + ".")
+    parser.set_defaults(door=_door, program="baselines.tune", kept="agents that were finished are saved")
     parser.add_argument("controllers", nargs="*", default=list(CONTROLLERS), help="which (default: all)")
     parser.add_argument("--model", default=DEFAULT_MODEL, help="a model's name or file")
     parser.add_argument(

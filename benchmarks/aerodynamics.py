@@ -6,8 +6,9 @@ Prints the tables of docs/aerodynamics.md in Markdown and writes figure8.png. Tw
 from __future__ import annotations
 
 import argparse
+import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,8 @@ from flapgym.aerodynamics.lattice import build_lattice
 from flapgym.aerodynamics.model import assemble
 from flapgym.aerodynamics.rotor import blade_edges, rotor_inflow, strip_radius, wake_rows
 from flapgym.atomic import write_picture
+from flapgym.evaluation import writable_folder
+from flapgym.program import Parser, Work, run
 from flapgym.turbine import Case, load_case
 
 Array = NDArray[np.float64]
@@ -194,25 +197,40 @@ def figure8(case: Case, path: Path) -> None:
     write_picture(path, figure)
 
 
-def main() -> None:
-    """Print every table and draw the figure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    folder = writable_folder(options.output)
+
+    def work() -> int:
+        case = load_case("nrel5mw-rated")
+        start = time.perf_counter()
+        aero = build_aerodynamics(case)
+        print(f"influence of the whole rotor: {time.perf_counter() - start:.2f} s")
+        start = time.perf_counter()
+        rng = np.random.default_rng(0)
+        z = np.exp(2j * np.pi * np.arange(400) / 2048)
+        load = rng.normal(size=(14, aero.force.shape[1]))
+        transfer_function(aero, 1, z, rng.normal(size=(100, 19)), load)
+        print(f"transfer function, 400 frequencies, 14 x 19 channels: {time.perf_counter() - start:.3f} s")
+        discretisation_tables(case)
+        wake_table(case)
+        gust_table(case)
+        figure8(case, folder / "figure8.png")
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m benchmarks.aerodynamics", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.aerodynamics")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for figure8.png")
-    output: Path = parser.parse_args().output
-    case = load_case("nrel5mw-rated")
-    start = time.perf_counter()
-    aero = build_aerodynamics(case)
-    print(f"influence of the whole rotor: {time.perf_counter() - start:.2f} s")
-    start = time.perf_counter()
-    rng = np.random.default_rng(0)
-    z = np.exp(2j * np.pi * np.arange(400) / 2048)
-    transfer_function(aero, 1, z, rng.normal(size=(100, 19)), rng.normal(size=(14, aero.force.shape[1])))
-    print(f"transfer function, 400 frequencies, 14 x 19 channels: {time.perf_counter() - start:.3f} s")
-    discretisation_tables(case)
-    wake_table(case)
-    gust_table(case)
-    figure8(case, output / "figure8.png")
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

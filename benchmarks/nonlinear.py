@@ -9,7 +9,8 @@ from __future__ import annotations
 import argparse
 import hashlib
 import io
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,11 @@ from flapgym.aeroelastic.nonlinear_march import NonlinearMarch
 from flapgym.atomic import write_atomically
 from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.agent import OBSERVATION_SCALES
+from flapgym.evaluation import writable_folder
+from flapgym.evaluation.compare import LONGEST
 from flapgym.evaluation.metrics import damage_equivalent_load, root_mean_square
 from flapgym.plant.actuator import Actuator
+from flapgym.program import Parser, Work, real, run, whole
 from flapgym.state_space import Array
 from flapgym.turbine import load_case
 from flapgym.turbulence import realise, von_karman_filter
@@ -208,21 +212,36 @@ def table(scenario: str, linear: Array, beams: Array, time_step: float) -> str:
     return "\n".join(rows)
 
 
-def main() -> None:
-    """Run what is missing and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    model, folder = load_model("nrel5mw-rated"), writable_folder(options.output)
+
+    def work() -> int:
+        print("| scenario | measure | linear | non-linear | difference [%] | rms of difference [%] |")
+        print("|---|---|---|---|---|---|")
+        for scenario in [options.only] if options.only else SCENARIOS:
+            linear, beams = pair(scenario, model, options.duration, options.seed, folder)
+            print(table(scenario, linear, beams, model.time_step), flush=True)
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m benchmarks.nonlinear", description=__doc__)
+    parser.set_defaults(door=_door, program="benchmarks.nonlinear")
     parser.add_argument("--only", choices=SCENARIOS, help="one scenario instead of all")
-    parser.add_argument("--duration", type=float, default=60.0, help="scored seconds of turbulence")
-    parser.add_argument("--seed", type=int, default=SEED, help="of the turbulence")
+    parser.add_argument(
+        "--duration", type=real(1.0, LONGEST, "s"), default=60.0, help="scored seconds of turbulence"
+    )
+    parser.add_argument("--seed", type=whole(0), default=SEED, help="of the turbulence")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder of the kept series")
-    options = parser.parse_args()
-    model = load_model("nrel5mw-rated")
-    print("| scenario | measure | linear | non-linear | difference [%] | rms of difference [%] |")
-    print("|---|---|---|---|---|---|")
-    for scenario in [options.only] if options.only else SCENARIOS:
-        linear, beams = pair(scenario, model, options.duration, options.seed, options.output)
-        print(table(scenario, linear, beams, model.time_step), flush=True)
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

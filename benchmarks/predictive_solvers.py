@@ -7,9 +7,12 @@ join in where they are found.
 
 from __future__ import annotations
 
+import argparse
 import importlib
+import importlib.util
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +22,7 @@ from baselines.shipped import shipped_weights
 from flapgym.aeroelastic.model import load_model
 from flapgym.control import PredictiveController
 from flapgym.evaluation import simulate
+from flapgym.program import Parser, Work, run
 from flapgym.state_space import Array
 
 SEED, SECONDS, COUNT = 2_000_000, 30.0, 400
@@ -110,31 +114,52 @@ def clarabel(module: Any, g: Array) -> Solve:
     return solve
 
 
-def main() -> None:
-    """Print a table."""
-    found, g = optima()
-    solvers: dict[str, Solve] = {}
-    for make in (daqp, quadprog, piqp, osqp, clarabel):
-        try:
-            solvers[make.__name__] = make(importlib.import_module(make.__name__), g)
-        except ImportError:
-            continue
-    spent: dict[str, list[float]] = {name: [] for name in solvers}
-    apart = dict.fromkeys(solvers, 0.0)
-    for rows in found:
-        first: float | None = None
-        for name, solve in solvers.items():
-            begin = time.perf_counter()
-            offsets = solve(rows)
-            spent[name].append(time.perf_counter() - begin)
-            first = float(offsets[0]) if first is None else first
-            apart[name] = max(apart[name], abs(float(offsets[0]) - first))
-    print(f"{len(found)} optima of {g.shape[1]} offsets between {g.shape[0]} pairs of bounds")
-    print("\n| solver | median [us] | 99 of 100 [us] | first offset apart from DAQP's |\n|---|---|---|---|")
-    for name, times in spent.items():
-        median, most = 1e6 * np.percentile(times, [50, 99])
-        print(f"| {name} | {median:.0f} | {most:.0f} | {apart[name]:.0e} |")
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    makers = (daqp, quadprog, piqp, osqp, clarabel)
+    names = [make.__name__ for make in makers]
+    installed = [
+        (make, importlib.import_module(make.__name__))
+        for make in makers
+        if importlib.util.find_spec(make.__name__) is not None
+    ]
+    if not installed:
+        raise ImportError(f"none of {', '.join(names)} is installed: pip install 'flapgym[mpc]'")
+
+    def work() -> int:
+        found, g = optima()
+        solvers: dict[str, Solve] = {make.__name__: make(module, g) for make, module in installed}
+        spent: dict[str, list[float]] = {name: [] for name in solvers}
+        apart = dict.fromkeys(solvers, 0.0)
+        for rows in found:
+            first: float | None = None
+            for name, solve in solvers.items():
+                begin = time.perf_counter()
+                offsets = solve(rows)
+                spent[name].append(time.perf_counter() - begin)
+                first = float(offsets[0]) if first is None else first
+                apart[name] = max(apart[name], abs(float(offsets[0]) - first))
+        print(f"{len(found)} optima of {g.shape[1]} offsets between {g.shape[0]} pairs of bounds")
+        print(
+            "\n| solver | median [us] | 99 of 100 [us] | first offset apart from DAQP's |\n|---|---|---|---|"
+        )
+        for name, times in spent.items():
+            median, most = 1e6 * np.percentile(times, [50, 99])
+            print(f"| {name} | {median:.0f} | {most:.0f} | {apart[name]:.0e} |")
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m benchmarks.predictive_solvers", description=__doc__)
+    parser.set_defaults(door=_door, program="benchmarks.predictive_solvers")
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

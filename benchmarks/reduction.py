@@ -6,7 +6,9 @@ Prints the table of docs/reduction.md in Markdown and writes figure12.png. Half 
 from __future__ import annotations
 
 import argparse
+import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,8 @@ from flapgym.aeroelastic.blade_lattice import BladeLattice, blade_lattice, reduc
 from flapgym.aeroelastic.equations import root_moment
 from flapgym.aeroelastic.trim import trim
 from flapgym.atomic import write_picture
+from flapgym.evaluation import writable_folder
+from flapgym.program import Parser, Work, run
 from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import LinearBlade
 from flapgym.turbine import Case, load_case
@@ -86,31 +90,45 @@ def figure12(values: NDArray[np.float64], path: Path) -> None:
     write_picture(path, figure)
 
 
-def main() -> None:
-    """Print the error table and draw the figure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    folder = writable_folder(options.output)
+
+    def work() -> int:
+        case = load_case("nrel5mw-rated")
+        balance = trim(case)
+        _, shape = normal_modes(balance.blade.mass, balance.blade.stiffness, case.reduction.blade_modes)
+        lattice = blade_lattice(case, balance.rotor, balance.blade, shape)
+        head = ["states", "RBM, gust [%]", f"modal forces 1 to {FIRST_MODES}, gust [%]", "RBM, flap [%]"]
+        head += ["modal forces, mode rates [%]", "spectral radius", "seconds"]
+        values = []
+        for component, name in enumerate(("collective", "whirl")):
+            rows, component_values = errors(case, balance.rotor, lattice, balance.blade, component)
+            values.append(component_values)
+            print(f"\n{name}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}")
+            print("\n".join(f"| {' | '.join(row)} |" for row in rows))
+        collective, whirl = values
+        combined = np.sort(np.concatenate([collective, whirl, whirl]))[::-1]
+        figure12(combined, folder / "figure12.png")
+        for states in TOTALS:
+            print(
+                f"Hankel singular value number {states} over the first: {combined[states - 1] / combined[0]:.2g}"
+            )
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m benchmarks.reduction", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.reduction")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for figure12.png")
-    output: Path = parser.parse_args().output
-    case = load_case("nrel5mw-rated")
-    balance = trim(case)
-    _, shape = normal_modes(balance.blade.mass, balance.blade.stiffness, case.reduction.blade_modes)
-    lattice = blade_lattice(case, balance.rotor, balance.blade, shape)
-    head = ["states", "RBM, gust [%]", f"modal forces 1 to {FIRST_MODES}, gust [%]", "RBM, flap [%]"]
-    head += ["modal forces, mode rates [%]", "spectral radius", "seconds"]
-    values = []
-    for component, name in enumerate(("collective", "whirl")):
-        rows, component_values = errors(case, balance.rotor, lattice, balance.blade, component)
-        values.append(component_values)
-        print(f"\n{name}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}")
-        print("\n".join(f"| {' | '.join(row)} |" for row in rows))
-    collective, whirl = values
-    combined = np.sort(np.concatenate([collective, whirl, whirl]))[::-1]
-    figure12(combined, output / "figure12.png")
-    for states in TOTALS:
-        print(
-            f"Hankel singular value number {states} over the first: {combined[states - 1] / combined[0]:.2g}"
-        )
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

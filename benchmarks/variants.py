@@ -19,12 +19,13 @@ import numpy as np
 from tqdm import tqdm
 
 from flapgym.aeroelastic import DEFAULT_MODEL, load_model
-from flapgym.atomic import write_atomically
+from flapgym.atomic import check_target, write_atomically
 from flapgym.control import AGENT_NAMES, OpenLoop, load_agent
 from flapgym.envs.registration import ENVIRONMENTS, Registered
-from flapgym.evaluation.compare import SCORED_SEED
+from flapgym.evaluation.compare import MOST_REALISATIONS, SCORED_SEED
 from flapgym.evaluation.metrics import measure
 from flapgym.evaluation.simulate import simulate
+from flapgym.program import Parser, Work, run, whole
 
 TURBULENT, GUST = 120.0, 20.0
 """Length of a realisation [s] in turbulence, and of a gust's episode."""
@@ -53,30 +54,47 @@ def scores(entry: Registered, agents: Sequence[str], realisations: int, seconds:
     return result
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Score and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    if "open_loop" not in options.agents:
+        raise ValueError("--agents: open_loop must be among them, the others are compared with it")
+    path = check_target(options.folder / "environments" / "scores.json")
+
+    def work() -> int:
+        turbines = [entry for entry in ENVIRONMENTS if entry.single.endswith(":FlapEnv")]
+        found = {}
+        for entry in tqdm(turbines, file=sys.stderr):
+            # A gust comes the same every time: only the azimuth differs.
+            seconds = GUST if "gust" in entry.keywords else TURBULENT
+            found[entry.id] = {
+                "seconds": seconds,
+                "realisations": options.realisations,
+                "agents": scores(entry, options.agents, options.realisations, seconds),
+            }
+        write_atomically(path, (json.dumps(found, indent=1) + "\n").encode())
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(
+        prog="python -m benchmarks.variants",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.set_defaults(door=_door, program="benchmarks.variants")
     parser.add_argument("folder", type=Path, help="the documentation's folder")
-    parser.add_argument("--realisations", type=int, default=5, help="default: %(default)s")
+    parser.add_argument(
+        "--realisations", type=whole(1, MOST_REALISATIONS), default=5, help="default: %(default)s"
+    )
     parser.add_argument("--agents", nargs="+", default=list(AGENT_NAMES), choices=AGENT_NAMES)
-    chosen = parser.parse_args(arguments)
-    if "open_loop" not in chosen.agents:
-        parser.error("--agents: open_loop must be among them, the others are compared with it")
-    turbines = [entry for entry in ENVIRONMENTS if entry.single.endswith(":FlapEnv")]
-    found = {}
-    for entry in tqdm(turbines, file=sys.stderr):
-        # A gust comes the same every time: only the azimuth differs.
-        seconds = GUST if "gust" in entry.keywords else TURBULENT
-        found[entry.id] = {
-            "seconds": seconds,
-            "realisations": chosen.realisations,
-            "agents": scores(entry, chosen.agents, chosen.realisations, seconds),
-        }
-    path = chosen.folder / "environments" / "scores.json"
-    write_atomically(path, (json.dumps(found, indent=1) + "\n").encode())
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

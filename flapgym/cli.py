@@ -9,85 +9,58 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
-import os
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from tqdm import tqdm
 
-from flapgym import __version__
+from flapgym import __version__, program
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic import DEFAULT_MODEL, TurbineModel, load_model, save_model
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
+from flapgym.aeroelastic.nameplate import nameplate
 from flapgym.atomic import check_target
 from flapgym.control import AGENT_NAMES
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
+from flapgym.evaluation.compare import LARGEST_SEED, LONGEST, MOST_REALISATIONS
 from flapgym.evaluation.report import FILES
+from flapgym.program import Work, real, whole
 from flapgym.state_space import StateSpace
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
 from flapgym.turbine import BUILT_IN, DEFAULT_CASE, load_case
-from flapgym.wording import one_line
+from flapgym.wording import number
 
 PICTURES = (".pdf", ".png", ".svg")
-
-# What a command's door returns when all is well: the work, which returns the exit code.
-Work = Callable[[], int]
-Door = Callable[[argparse.Namespace], Work]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0, 1 (not written), 2 (bad input) or 130 (interrupted)."""
-    options = _parser().parse_args(arguments)
-    door: Door = options.door
-    try:
-        try:
-            work = door(options)
-        except (ValueError, OSError) as error:
-            return _complain(options.command, error, 2)
-        code = work()
-        sys.stdout.flush()
-        return code
-    except BrokenPipeError:  # the reader has seen enough; nothing is left to flush at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except OSError as error:
-        return _complain(options.command, error, 1)
-    except KeyboardInterrupt:
-        return _complain(options.command, "interrupted; what was written before stays", 130)
-
-
-def _complain(command: str, reason: object, code: int) -> int:
-    print(f"flapgym {command}: {one_line(reason, 2000)}", file=sys.stderr)
-    return code
-
-
-class _Parser(argparse.ArgumentParser):
-    """Refuses wrong arguments in one line, where argparse repeats the whole usage."""
-
-    def error(self, message: str) -> NoReturn:
-        print(f"{self.prog}: {message} (see {self.prog} --help)", file=sys.stderr)
-        raise SystemExit(2)
+    return program.run(_parser(), arguments)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="flapgym", description="Load alleviation with flaps on a wind turbine.")
+    parser = program.Parser(prog="flapgym", description="Load alleviation with flaps on a wind turbine.")
     parser.add_argument("--version", action="version", version=f"flapgym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, door, takes, text in (
         ("compare", _compare, _takes_comparison, "score agents on the same turbulence, against open loop"),
         ("build", _build, _takes_build, "build the model of a case and write it to a file"),
         ("aero", _aero, _takes_case, "print mean loads and gains of a case's vortex lattice"),
-        ("modes", _modes, _takes_modes, "print the turbine's natural modes beside Table 1 of the paper"),
+        (
+            "modes",
+            _modes,
+            _takes_modes,
+            "print the turbine's natural modes, nrel5mw's beside Table 1 of the paper",
+        ),
         ("info", _info, _takes_model, "say what a model holds"),
     ):
         sub = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
-        sub.set_defaults(door=door)
+        sub.set_defaults(door=door, program=f"flapgym {name}")
         takes(sub)
     return parser
 
@@ -104,14 +77,21 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         "--model", default=DEFAULT_MODEL, help="model file, or name of a shipped one; default: %(default)s"
     )
     sub.add_argument(
-        "--realisations", type=int, metavar="N", default=5, help="signals of turbulence; default: %(default)s"
+        "--realisations",
+        type=whole(1, MOST_REALISATIONS),
+        metavar="N",
+        default=5,
+        help="signals of turbulence; default: %(default)s",
     )
     sub.add_argument(
-        "--duration", type=float, metavar="SECONDS", help="of each; default: 20 length scales over wind speed"
+        "--duration",
+        type=real(1.0, LONGEST, "s"),
+        metavar="SECONDS",
+        help="of each; default: 20 length scales over wind speed",
     )
     sub.add_argument(
         "--seed",
-        type=int,
+        type=whole(0, LARGEST_SEED),
         default=SCORED_SEED,
         help="of the first signal, the next follow; default: %(default)s",
     )
@@ -145,7 +125,7 @@ def _takes_modes(sub: argparse.ArgumentParser) -> None:
         "--blade-elements",
         type=int,
         metavar="N",
-        help="12 (the paper's Table 2) or 48 (all documented stations); default: the case's",
+        help="12, or one less than the turbine's documented stations (48 for nrel5mw); default: the case's",
     )
     sub.add_argument("--rotating", action="store_true", help="the turning rotor, not the parked one")
     sub.add_argument("--json", action="store_true", help="print a list of modes in JSON, frequencies in Hz")
@@ -180,10 +160,7 @@ def _compare(options: argparse.Namespace) -> Work:
     folder = writable_folder(options.output, FILES)
 
     def work() -> int:
-        try:
-            comparison = run(planned, progress=True)
-        except ValueError as error:  # an agent that no door sees through
-            return _complain("compare", error, 2)
+        comparison = run(planned, progress=True)
         write_report(comparison, folder)
         print(f"{as_text(comparison)}\n\nwrote compare.* in {folder}")
         return 0
@@ -207,10 +184,7 @@ def _build(options: argparse.Namespace) -> Work:
                 bar.update(stages.index(stage) - bar.n)
                 bar.set_description_str(stage)
 
-            try:
-                model = cached_model(case, progress=begin)
-            except ValueError as error:  # of this case comes no model
-                return _complain("build", error, 2)
+            model = cached_model(case, progress=begin)
             save_model(model, options.output)
             bar.update(len(stages) - bar.n)
         if not begun:
@@ -225,7 +199,7 @@ def _aero(options: argparse.Namespace) -> Work:
     case = load_case(options.config).alike()
 
     def work() -> int:
-        print(describe_aerodynamics(case))
+        print(f"turbine          {nameplate(case.to_dict()).size}\n{describe_aerodynamics(case)}")
         return 0
 
     return work
@@ -284,19 +258,28 @@ def _check_writable(target: Path, option: str = "--output") -> None:
 
 
 def describe(model: TurbineModel) -> str:
-    """What a model holds, as text: operating point, size, steady gains, lightly damped modes, and how it was made."""
+    """What a model holds, as text: turbine, operating point, size, steady gains, modes, and how it was made."""
     turbine, blade, record, degree = model.turbine, model.blade, model.record, np.pi / 180.0
+    plate = nameplate(model.case)
+    span = (
+        ""
+        if plate.flap_span is None
+        else ", from {:.1%} to {:.1%} of the rotor radius".format(*plate.flap_span)
+    )
     gain = dict(zip(turbine.inputs, turbine.dc_gain()[turbine.outputs.index("rbm_0")], strict=True))
     limits = (model.flap_angle_limit, model.flap_rate_limit, model.acceleration_limit)
     angle, rate, acceleration = (value / degree for value in limits)
     lines = [
         f"model            {model.name} (format {model.format_version}, hash {model.hash[:12]})",
-        f"operating point  wind {model.wind_speed:g} m/s, rotor {model.rotor_speed:.4f} rad/s",
-        f"turbulence       intensity {model.turbulence_intensity:.1%}, length scale {model.length_scale:g} m",
-        f"time step        {model.time_step:g} s",
+        f"turbine          {plate.size}",
+        f"operating point  wind {number(model.wind_speed)} m/s, rotor {model.rotor_speed:.4f} rad/s",
+        f"turbulence       intensity {model.turbulence_intensity:.1%}, length scale {number(model.length_scale)} m",
+        f"time step        {number(model.time_step)} s",
         f"form             {model.form}",
-        f"flap             {angle:g} deg, {rate:g} deg/s, {acceleration:g} deg/s^2 to either side",
-        f"turbine          {turbine.order} states, spectral radius {turbine.spectral_radius():.6f}",
+        f"airloads         {plate.loads}",
+        f"flap             {number(angle)} deg, {number(rate)} deg/s, {number(acceleration)} deg/s^2 to either side"
+        f"{span}",
+        f"whole turbine    {turbine.order} states, spectral radius {turbine.spectral_radius():.6f}",
         f"single blade     {blade.order} states, spectral radius {blade.spectral_radius():.6f}",
         f"root moment      {gain['wind'] / 1e6:.3f} MN m per m/s of wind, "
         f"{gain['flap_angle_0'] * degree / 1e6:.4f} MN m per deg of flap (steady, blades alike)",

@@ -5,14 +5,20 @@ x^{n+1} = A x^n + B u^n, y^n = C x^n + D u^n, with input and output at the same 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.wording import number, shown
+
 Array = NDArray[np.float64]
+
+SAME_STEP = 1e-9
+"""Relative difference up to which two time steps are one, computed in different ways."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +49,18 @@ class StateSpace:
     outputs: tuple[str, ...]
 
     def __post_init__(self) -> None:
+        for kind, names in (("inputs", self.inputs), ("outputs", self.outputs)):
+            if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
+                raise ValueError(f"state_space.{kind}: expected a tuple of names, got {shown(names)}")
+        if not isinstance(self.A, np.ndarray) or self.A.ndim != 2:
+            raise ValueError(f"state_space.A: expected a square array, got {shown(self.A)}")
         n, nu, ny = self.A.shape[0], len(self.inputs), len(self.outputs)
         for name, shape in {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu)}.items():
             matrix = getattr(self, name)
+            if not isinstance(matrix, np.ndarray):
+                raise ValueError(
+                    f"state_space.{name}: expected an array of shape {shape}, got {shown(matrix)}"
+                )
             if matrix.shape != shape:
                 raise ValueError(f"state_space.{name}: expected shape {shape}, got {matrix.shape}")
             if not np.isfinite(matrix).all():
@@ -53,8 +68,10 @@ class StateSpace:
         for kind, names in (("inputs", self.inputs), ("outputs", self.outputs)):
             if len(set(names)) < len(names):
                 raise ValueError(f"state_space.{kind}: expected distinct names, got {', '.join(names)}")
-        if not self.time_step > 0.0:
-            raise ValueError(f"state_space.time_step: expected a positive time [s], got {self.time_step}")
+        if not 0.0 < self.time_step < math.inf:
+            raise ValueError(
+                f"state_space.time_step: expected a positive time [s], got {number(self.time_step)}"
+            )
 
     @property
     def order(self) -> int:
@@ -80,9 +97,14 @@ class StateSpace:
 
     def select(self, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> StateSpace:
         """The same system with only the named inputs and outputs, in the order given."""
+        for kind, given in (("inputs", inputs), ("outputs", outputs)):
+            if isinstance(given, (str, Set)):  # a set has no order, a text is no list of names
+                raise ValueError(f"state_space.{kind}: expected a list of names, got {shown(given)}")
         inputs = self.inputs if inputs is None else tuple(inputs)
         outputs = self.outputs if outputs is None else tuple(outputs)
         for known, wanted, kind in ((self.inputs, inputs, "inputs"), (self.outputs, outputs, "outputs")):
+            if len(set(wanted)) < len(wanted):
+                raise ValueError(f"state_space.{kind}: expected each name once, got {', '.join(wanted)}")
             unknown = [name for name in wanted if name not in known]
             if unknown:
                 raise ValueError(f"state_space.{kind}: no {unknown[0]!r} among {', '.join(known)}")
@@ -105,6 +127,11 @@ class StateSpace:
         """Outputs (T, ny) for inputs u (T, nu) from state x0 (default zero)."""
         u = np.asarray(u, dtype=float)
         x = np.zeros(self.order) if x0 is None else np.array(x0, dtype=float)
+        for name, value, shape in (("u", u, (*u.shape[:1], len(self.inputs))), ("x0", x, (self.order,))):
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(
+                    f"state_space.simulate.{name}: expected finite numbers of shape {shape}, got {shown(value)}"
+                )
         drive = u @ self.B.T
         states = np.empty((u.shape[0], self.order))
         for n in range(u.shape[0]):
@@ -154,8 +181,7 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
     ValueError
         If the time steps differ, or an output of first is no input of second.
     """
-    if first.time_step != second.time_step:
-        raise ValueError(f"series: time steps differ, {first.time_step} and {second.time_step} s")
+    require_time_step("series.second.time_step", second.time_step, first.time_step, "the first system's")
     fed = second.select(inputs=first.outputs)
     free = second.select(inputs=[name for name in second.inputs if name not in first.outputs])
     n1, n2 = first.order, second.order
@@ -168,3 +194,21 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
         inputs=first.inputs + free.inputs,
         outputs=second.outputs,
     )
+
+
+def require_time_step(name: str, given: float, expected: float, whose: str) -> None:
+    """Refuse a system that was sampled at another time step than the one it meets.
+
+    Parameters
+    ----------
+    name : str
+        Of the time step, for the message.
+    given, expected : float
+        [s]; they may differ by rounding.
+    whose : str
+        Whose time step is expected, for the message.
+    """
+    if not math.isclose(given, expected, rel_tol=SAME_STEP):
+        raise ValueError(
+            f"{name}: expected {number(expected)} s, {whose}, got {number(given)} s; sample it at the same step"
+        )

@@ -18,6 +18,7 @@ from flapgym.aeroelastic.model import (
     TurbineModel,
 )
 from flapgym.state_space import Array, StateSpace
+from flapgym.turbine import load_case
 
 TIME_STEP = 0.007
 ROTOR_SPEED = 77.0 / 63.0
@@ -105,5 +106,5 @@ def synthetic_model(tower_coupling: float = 1.0) -> TurbineModel:
         acceleration_limit=float(np.deg2rad(600.0)),
         rbm_rms=float(np.sqrt(np.trapezoid(gain * spectrum, frequency))),
         inputs_hash="0" * 64,
-        case={"name": "synthetic"},
+        case=load_case("nrel5mw-rated").to_dict() | {"name": "synthetic"},
     )

@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[1]
 ORDER = [
     "wording",
     "atomic",
+    "program",
     "files",
     "state_space",
     "turbine",

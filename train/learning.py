@@ -45,12 +45,13 @@ def learn(training: Training, model: TurbineModel, seed: int, tensorboard: str |
     torch.set_num_threads(1)
     env = environment(training, model)
     algorithm = learner(training, env, seed, tensorboard)
-    began, interrupted = time.perf_counter(), False
+    began, interrupted, progress = time.perf_counter(), False, Progress(training)
     try:
-        algorithm.learn(training.total_steps, callback=Progress(training), tb_log_name=training.name)
+        algorithm.learn(training.total_steps, callback=progress, tb_log_name=training.name)
     except KeyboardInterrupt:
         interrupted = True
     finally:
+        progress.close()
         env.close()
     record = {
         "training": asdict(training),
@@ -69,8 +70,6 @@ def environment(training: Training, model: TurbineModel) -> Scaled:
         chosen.turbines,
         autoreset_mode="SameStep",
         model=model,
-        turbulence_intensity=model.turbulence_intensity,
-        length_scale=model.length_scale,
         duration=chosen.duration,
         steps_per_action=chosen.steps_per_action,
         observe=chosen.observe,
@@ -148,5 +147,7 @@ class Progress(BaseCallback):
             self._bar.set_postfix_str(f"reward {reward:.3f} an action", refresh=False)
         return True
 
-    def _on_training_end(self) -> None:
-        self._bar.close()
+    def close(self) -> None:
+        """End the bar, wherever it stands."""
+        if self._bar is not None:
+            self._bar.close()

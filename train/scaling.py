@@ -14,13 +14,17 @@ from flapgym.aeroelastic.model import TurbineModel
 
 
 def observation_scale(observe: Sequence[str], model: TurbineModel) -> NDArray[np.float64]:
-    """Factor of each observed quantity of a blade, (n,): moment by its open-loop rms, the flap by its stops."""
+    """Factor of each observed quantity of a blade, (n,): moment by its open-loop rms, the flap by its stops.
+
+    The tip, by how far slow wind moves it where it moves the moment by that rms.
+    """
+    gain = model.blade.dc_gain()[:, model.blade.inputs.index("wind")]
+    moment, tip = (gain[model.blade.outputs.index(name)] for name in ("rbm", "tip_deflection"))
     factors = {
         "rbm": 1e6 / model.rbm_rms,
         "flap_angle": 1.0 / model.flap_angle_limit,
         "flap_rate": 1.0 / model.flap_rate_limit,
-        # The tip goes about a metre where the moment goes its rms.
-        "tip_deflection": 1.0,
+        "tip_deflection": abs(moment / tip) / model.rbm_rms,
     }
     return np.array([factors[name] for name in observe])
 

@@ -2,7 +2,8 @@
 
 Writes paper.md and paper.html, and the figures into the folder `paper` beside them. Finished parts lie in its folder
 `parts` and are not computed again; an interrupted run goes on where it was. All parts take 27 minutes of
-one core's time and 3.5 GB, for the full turbine of the figures; `--quick` takes a minute.
+one core's time and 3.5 GB, for the full turbine of the figures. The report of some parts alone is paper-part.md and
+.html; `--quick` is a trial run of a minute, which says so and writes paper-trial.md, .html and a folder of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from baselines.paper.controllers import VARIANTS, Controllers, Plants
 from baselines.paper.document import Section, Table, as_html, as_markdown, summary
 from baselines.paper.duty import Duty, measure_duty
 from baselines.paper.effects import Effects, effects_section, measure_effects
-from baselines.paper.models import VARIATIONS, built, unscaled_flap
+from baselines.paper.models import VARIATIONS, built, paper_case, unscaled_flap
 from baselines.paper.readings import reading, readings_section
 from baselines.paper.robustness import growths, margins, sensitivity
 from baselines.paper.scores import Trial, first, measured, metrics_of, named, rebuilt, score
@@ -36,15 +37,17 @@ from baselines.rivals.section import rivals_section
 from baselines.settings import load_tuning
 from baselines.shipped import loaded, shipped_weights
 from baselines.tune import CONFIG
+from flapgym.aerodynamics.downwash import glauert_scale
 from flapgym.aeroelastic.model import TurbineModel, load_model
+from flapgym.aeroelastic.nameplate import nameplate
 from flapgym.aeroelastic.study import study_turbine
 from flapgym.atomic import write_together
 from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.channels import ROTOR
 from flapgym.evaluation import Record, measure, writable_folder
-from flapgym.evaluation.compare import PAPER_LENGTH, PAPER_REALISATIONS
+from flapgym.evaluation.compare import MOST_REALISATIONS, PAPER_LENGTH, PAPER_REALISATIONS
+from flapgym.program import Parser, Work, run, whole
 from flapgym.state_space import Array, StateSpace
-from flapgym.turbine import load_case
 
 TITLE = "Load alleviation on the NREL 5 MW turbine: Section IV of the paper beside ours"
 REALISATIONS = 50
@@ -79,7 +82,7 @@ class Study:
     """
 
     def __init__(self, model: TurbineModel, folder: Path, realisations: int, quick: bool, bar: tqdm) -> None:
-        self.model, self.folder, self.case = model, folder, load_case(model.name)
+        self.model, self.folder, self.case = model, folder, paper_case(model)
         self.cache = Cache(folder / "parts", model.hash)
         self.duration = QUICK_DURATION if quick else PAPER_LENGTH * model.length_scale / model.wind_speed
         self.quick = quick
@@ -117,8 +120,10 @@ class Study:
         return gust_alleviation(
             scores,
             few.changes,
+            self.model,
             self.realisations,
             self.duration,
+            self.controllers.tuning.realisations,
             shipped_weights("lqg", self.model).measurement_noise,
             self._settled_rate(),
         )
@@ -143,7 +148,9 @@ class Study:
             for flap, model in flaps.items()
             for own in (False, True)
         ]
-        return readings_section(found, self.realisations)
+        flap, panels = self.case.flap, self.case.discretisation.chordwise_panels
+        carried = 1.0 / glauert_scale(panels, flap.chord_fraction)
+        return readings_section(found, self.realisations, self.controllers.tuning.realisations, carried)
 
     def effects(self) -> Section:
         """Tower, edgewise motion and duty, of the learned agents too."""
@@ -204,7 +211,7 @@ class Study:
                 growing[label] = growths(agent, self.model, others, self.cache)
             else:
                 changes[label] = sensitivity(agent, self.model, others, self.cache)
-        return robustness(changes, growing, borne, tuple(others))
+        return robustness(changes, growing, borne, tuple(others), self.model)
 
     def table1(self) -> Section:
         """Natural frequencies."""
@@ -258,10 +265,10 @@ LONG = ("figure8", "turbine", "figure12", "readings", "rivals", "trials")
 ANGLES = {"pitch": "deg", "angle_limit": "deg", "rate_limit": "deg/s", "acceleration_limit": "deg/s^2"}
 
 
-def parameters(model: TurbineModel) -> Section:
+def parameters(model: TurbineModel, parts: Sequence[str]) -> Section:
     """What was computed, in the case's own words."""
     rows = []
-    for group in ("operating_point", "discretisation", "flap", "reduction", "turbulence"):
+    for group in ("operating_point", "discretisation", "airloads", "flap", "reduction", "turbulence"):
         for name, value in model.case[group].items():
             angle = isinstance(value, float) and name in ANGLES
             shown = np.rad2deg(value) if angle else value
@@ -270,24 +277,29 @@ def parameters(model: TurbineModel) -> Section:
     return Section(
         "Case",
         (
-            f"Model {model.name}, hash {model.hash[:16]}; SI units where none is given.",
+            f"Model {model.name}, hash {model.hash[:16]}; {nameplate(model.case).size}; SI units where none is given.",
+            f"Parts of the report: {', '.join(parts)}; {len(parts)} of {len(PARTS)}.",
             Table(("parameter", "value"), tuple(rows)),
         ),
     )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program; return the exit code: 0, or 2 for bad input."""
-    options = _parser().parse_args(arguments)
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
     names = options.parts or [name for name in PARTS if not (options.quick and name in LONG)]
-    try:
-        unknown = [name for name in names if name not in PARTS]
-        if unknown:
-            raise ValueError(f"{unknown[0]}: unknown part; expected some of {', '.join(PARTS)}")
-        if options.realisations < 2:
-            raise ValueError(f"realisations: expected at least 2, got {options.realisations}")
-        model, output = load_model(options.model), writable_folder(options.output, ("paper.md", "paper.html"))
-        folder = writable_folder(output / "paper")
+    unknown = [name for name in names if name not in PARTS]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: unknown part; expected some of {', '.join(PARTS)}")
+    stem = "paper-trial" if options.quick else "paper" if set(names) == set(PARTS) else "paper-part"
+    model, output = load_model(options.model), writable_folder(options.output, (f"{stem}.md", f"{stem}.html"))
+    # A trial's numbers, figures and finished parts stay apart from those of the full report.
+    folder = writable_folder(output / ("paper-trial" if options.quick else "paper"))
+
+    def work() -> int:
         with tqdm(total=len(names), unit=" parts") as bar:
             study = Study(model, folder, options.realisations, options.quick, bar)
             sections = []
@@ -295,39 +307,56 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 bar.set_description(name)
                 sections.append(PARTS[name](study))
                 bar.update()
-    except (ValueError, OSError, ImportError) as error:
-        print(f"baselines.paper: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(
-            "baselines.paper: interrupted; what is finished is kept, run it again to go on", file=sys.stderr
+        glance = [summary(sections)] if any(section.verdict for section in sections) else []
+        sections = [*glance, parameters(model), *sections]
+        write_together(
+            {
+                output / "paper.md": as_markdown(TITLE, sections, output).encode(),
+                output / "paper.html": as_html(TITLE, sections).encode(),
+            }
         )
-        return 130
-    glance = [summary(sections)] if any(section.verdict for section in sections) else []
-    sections = [*glance, parameters(model), *sections]
-    write_together(
-        {
-            output / "paper.md": as_markdown(TITLE, sections, output).encode(),
-            output / "paper.html": as_html(TITLE, sections).encode(),
-        }
+        notice, title = "", TITLE
+        if options.quick:
+            notice, title = trial_notice(study), f"Trial run: {TITLE}"
+            sections = [section.on_trial(notice) for section in (parameters(model, names), *sections)]
+        else:
+            glance = [summary(sections)] if any(section.verdict for section in sections) else []
+            sections = [*glance, parameters(model, names), *sections]
+        write_together(
+            {
+                output / f"{stem}.md": as_markdown(title, sections, output).encode(),
+                output / f"{stem}.html": as_html(title, sections, notice).encode(),
+            }
+        )
+        print(f"wrote {output / stem}.md and .html{'; ' + notice if notice else ''}")
+        return 0
+
+    return work
+
+
+def trial_notice(study: Study) -> str:
+    """What a trial run says on every page."""
+    full = PAPER_LENGTH * study.model.length_scale / study.model.wind_speed
+    return (
+        f"Trial run: {study.realisations} realisations of {study.duration:.3g} s in place of {REALISATIONS} of "
+        f"{full:.0f} s, and few controllers; a test of the program, no result."
     )
-    print(f"wrote {output / 'paper.md'} and {output / 'paper.html'}")
-    return 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m baselines.paper", description=(__doc__ or "").splitlines()[0]
+    parser = Parser(prog="python -m baselines.paper", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(
+        door=_door, program="baselines.paper", kept="what is finished is kept, run it again to go on"
     )
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)} (default: all)")
     parser.add_argument("--model", default="nrel5mw-rated", help="a model's name or file")
     parser.add_argument(
         "--realisations",
-        type=int,
+        type=whole(2, MOST_REALISATIONS),
         default=REALISATIONS,
         help="scored realisations (default: %(default)s; paper: 5)",
     )
-    parser.add_argument("--quick", action="store_true", help="a trial run of a minute")
+    parser.add_argument("--quick", action="store_true", help="a trial run of a minute: paper-trial.*")
     parser.add_argument(
         "--output", type=Path, default=Path("results"), help="folder for the report (default: %(default)s)"
     )

@@ -21,7 +21,7 @@ Arrays = Mapping[str, Array]
 
 DAMAGED = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error)
 """What a file that is missing, cut or no archive raises: its part is computed again."""
-VERSION = 3
+VERSION = 4
 """Raised when what a part computes changes though its settings do not."""
 
 

@@ -16,6 +16,9 @@ table { border-collapse: collapse; margin: 1rem 0; font-size: 0.85rem; }
 th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: left; }
 th { border-bottom: 2px solid #666; }
 img { max-width: 100%; }
+.notice { position: sticky; top: 0; margin: 0; padding: 0.3rem 0.7rem; background: #b00020; color: #fff; }
+.watermark { position: fixed; top: 40%; left: 0; width: 100%; margin: 0; text-align: center; font-size: 6rem;
+  color: #b00020; opacity: 0.15; transform: rotate(-30deg); pointer-events: none; }
 @page { size: A4 landscape; margin: 15mm; }
 @media print {
   body { font-size: 10pt; max-width: none; margin: 0; padding: 0; }
@@ -40,12 +43,23 @@ class Table:
 class Section:
     """A heading and what follows it: a sentence or paragraph, a table, or the path of a figure.
 
-    `verdict` is what the report's first table says of it.
+    `conclusions` are sentences that judge what was found, at its end; `verdict` is what the report's first table says
+    of it.
     """
 
     title: str
     content: tuple[str | Table | Path, ...]
     verdict: str = ""
+    conclusions: tuple[str, ...] = ()
+
+    @property
+    def parts(self) -> tuple[str | Table | Path, ...]:
+        """All that stands under the heading."""
+        return (*self.content, *self.conclusions)
+
+    def on_trial(self, notice: str) -> Section:
+        """The section of a trial run: a notice before its numbers, and nothing concluded from them."""
+        return Section(self.title, (notice, *self.content))
 
 
 def summary(sections: Sequence[Section]) -> Section:
@@ -59,7 +73,7 @@ def as_markdown(title: str, sections: list[Section], folder: Path) -> str:
     blocks = [f"# {title}"]
     for section in sections:
         blocks.append(f"## {section.title}")
-        for part in section.content:
+        for part in section.parts:
             if isinstance(part, Table):
                 lines = [part.head, tuple("---" for _ in part.head), *part.rows]
                 blocks.append("\n".join(f"| {' | '.join(line)} |" for line in lines))
@@ -83,12 +97,18 @@ def from_markdown(text: str) -> list[str | Table]:
     return parts
 
 
-def as_html(title: str, sections: list[Section]) -> str:
-    """The report as one file that needs no other: figures are inside."""
+def as_html(title: str, sections: list[Section], notice: str = "") -> str:
+    """The report as one file that needs no other: figures are inside.
+
+    A notice stays on the screen, and its first words lie across every printed page: browsers repeat what is fixed.
+    """
     body = [f"<h1>{html.escape(title)}</h1>"]
+    if notice:
+        words = html.escape(notice.partition(":")[0])
+        body = [f'<p class="notice">{html.escape(notice)}</p>\n<p class="watermark">{words}</p>', *body]
     for section in sections:
         body.append(f"<h2>{html.escape(section.title)}</h2>")
-        for part in section.content:
+        for part in section.parts:
             if isinstance(part, Table):
                 body.append(_table(part))
             elif isinstance(part, Path):

@@ -18,7 +18,7 @@ from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.evaluation import Record, damage_equivalent_load, paired_change, root_mean_square
 from flapgym.evaluation.metrics import FATIGUE_SLOPE
-from flapgym.state_space import Array, StateSpace
+from flapgym.state_space import Array, StateSpace, require_time_step
 
 BLOCK = 64
 """Steps taken at once."""
@@ -68,6 +68,7 @@ def measure_effects(record: Record, turbine: StateSpace, rotor_speed: float) -> 
         [rad/s]
     """
     dt = record.time_step
+    require_time_step("measure_effects.turbine.time_step", turbine.time_step, dt, "the record's")
     edge, base = further_loads(record, turbine, rotor_speed)
 
     def fatigue(series: Array, slope: float) -> Array:
@@ -155,7 +156,8 @@ def effects_section(
             (labels[name], *(f"{value:.2f}" for value in degrees), *(f"{share:.2f}" for share in shares))
         )
     content: list[str | Table | Path] = [
-        f"Change against open loop on the same {realisations} realisations [%], 95 % paired bootstrap interval. Tower: "
+        f"Change against open loop on the same {realisations} realisations [%], mean of the ratios, 95 % paired "
+        "bootstrap interval. Tower: "
         "bending moment on the foundation, DEL with the S-N slope 4 of steel; edgewise root bending moment of the "
         "blades, DEL with slope 10. Gravity and profile drag are left out of the model and in-plane loads come out "
         "some 40 % small (docs/aerodynamics.md): these are changes of what turbulence does, not of all edgewise "
@@ -176,16 +178,17 @@ def effects_section(
             tuple(duty),
         ),
     ]
+    conclusions = []
     if "pd" in found:
         inertial, hinge = (
             100.0 * (getattr(found["pd"][1], key).mean() / getattr(base, key).mean() - 1.0)
             for key in ("inertial_power", "hinge_power")
         )
         verdict = "agrees" if inertial > 0.0 else "disagrees"
-        content.append(
+        conclusions.append(
             "The paper cites up to 70 % more actuation power for PD than for a robust controller at equal load. By the "
             f"paper's rule, not quite at equal load, ours takes {inertial:+.0f} % of inertial and {hinge:+.0f} % of "
             f"hinge power against the base case: {verdict} in sign. The base case's weights leave acceleration "
             "nearly free; the section on rivals compares at equal load, and with an LQG that weighs it."
         )
-    return Section("Side effects and actuator duty", tuple(content))
+    return Section("Side effects and actuator duty", tuple(content), conclusions=tuple(conclusions))

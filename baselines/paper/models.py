@@ -1,4 +1,4 @@
-"""The turbine with one thing changed, built once and kept: what the robustness study flies the shipped designs on."""
+"""The case studied, and its turbine with one thing changed, built once: what the shipped designs are flown on."""
 
 from __future__ import annotations
 
@@ -7,7 +7,31 @@ from dataclasses import replace
 
 from flapgym.aeroelastic.cache import cached_model
 from flapgym.aeroelastic.model import TurbineModel
-from flapgym.turbine import Case
+from flapgym.turbine import Case, load_case, load_turbine
+
+JUDGED = "nrel5mw-rated"
+"""Case whose numbers and figures were looked at by those who wrote the report's fixed remarks."""
+
+
+def was_judged(inputs_hash: str) -> bool:
+    """Whether the fixed remarks are on a case of this hash."""
+    return inputs_hash == load_case(JUDGED).hash()
+
+
+def paper_case(model: TurbineModel) -> Case:
+    """The case a model was built from.
+
+    Raises
+    ------
+    ValueError
+        If this flapgym does not understand it, or if its turbine is not the paper's.
+    """
+    try:
+        case = Case.from_dict(model.case)
+    except ValueError as error:
+        raise ValueError(f"model {model.name}: {error} (in the case it holds; build it again)") from None
+    case.turbine.require(load_turbine("nrel5mw"))
+    return case
 
 
 def heavier(case: Case, factor: float) -> Case:

@@ -117,11 +117,21 @@ def reading(
     )
 
 
-def readings_section(found: Sequence[Reading], realisations: int) -> Section:
-    """Table of readings beside prototype and paper."""
+def readings_section(found: Sequence[Reading], realisations: int, others: int, carried: float) -> Section:
+    """Table of readings beside prototype and paper.
+
+    Parameters
+    ----------
+    found : sequence of Reading
+    realisations : int
+    others : int
+        Realisations tuned on, where those are not the scored ones.
+    carried : float
+        Lift of the lattice's own flap over thin-aerofoil theory's.
+    """
     rows = []
     for one in found:
-        tuned = f"the {FEW} scored" if one.own_signals else "20 others"
+        tuned = f"the {FEW} scored" if one.own_signals else f"{others} others"
         rows.append(
             (
                 FLAPS[one.flap],
@@ -149,14 +159,13 @@ def readings_section(found: Sequence[Reading], realisations: int) -> Section:
     return Section(
         "Section IV.C: the base case under other readings",
         (
-            "The paper gives neither the lift of its flap nor the signals its weight was raised on. One panel of ten "
-            "carries 0.89 of thin-aerofoil theory's lift of such a flap; the shipped model makes up for it, the "
-            "paper's lattice most likely did not. Tuned on the very signals it is scored on, a design may swing "
-            "further: the largest angle of twenty signals is larger than that of five. The trial is a prototype of "
-            f"this chain, tuned on its {FEW} scored signals: {_three(TRIALS['scaled'])} % with the scaled flap, "
+            "The paper gives neither the lift of its flap nor the signals its weight was raised on. The panels of the "
+            f"flap carry {carried:.2f} of thin-aerofoil theory's lift; the shipped model makes up for it, the paper's "
+            "lattice most likely did not. Tuned on the very signals it is scored on, a design may swing further: the "
+            f"largest angle of {others} signals is larger than that of {FEW}. The trial is a prototype of this "
+            f"chain, tuned on its {FEW} scored signals: {_three(TRIALS['scaled'])} % with the scaled flap, "
             f"{_three(TRIALS['unscaled'])} % with the lattice's own. The interval leaves out what was tuned on.",
             Table(head, tuple(rows)),
-            *_sentences(found),
         ),
         "RBM / tip / DEL "
         + ", ".join(
@@ -164,6 +173,7 @@ def readings_section(found: Sequence[Reading], realisations: int) -> Section:
             f" ({one.flap} flap, tuned on {'what is scored' if one.own_signals else 'others'})"
             for one in found
         ),
+        tuple(_sentences(found)),
     )
 
 

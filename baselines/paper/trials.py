@@ -139,17 +139,17 @@ def trials_section(found: Mapping[str, Mapping[str, Outcome]], trial: Trial) -> 
         "Robustness: the shipped agents on other turbines, winds and measurements",
         (
             f"Simulated behind the stops on {trial.realisations} realisations of {trial.duration:.0f} s; change of RBM "
-            "rms / RBM DEL against open loop on the same turbine in the same wind [%], mean over blades and "
-            "realisations. The agents stay as shipped, only what the row names is changed. Turbines are built anew "
-            "from the changed case, trim included; below 11 m/s tip-speed ratio and pitch stay, and so does the "
-            "turbulence intensity. An asterisk: the linear loop is unstable there, in most cases so slowly that a "
-            "minute does not show it.",
+            "rms / RBM DEL against open loop on the same turbine in the same wind [%], mean of the ratios over "
+            "blades and realisations. The agents stay as shipped, only what the row names is changed. Turbines are "
+            "built anew from the changed case, trim included; in another wind tip-speed ratio and pitch stay, and so "
+            "does the turbulence intensity. An asterisk: the linear loop is unstable there, which a run as short as "
+            "this need not show.",
             Table(("condition", *agents), tuple(loads)),
             *growing,
             "Path of a flap [deg/s]:",
             Table(("condition", *agents), tuple(travel)),
-            " ".join(lines),
         ),
+        conclusions=(" ".join(lines),),
     )
 
 

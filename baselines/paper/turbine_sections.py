@@ -14,6 +14,7 @@ import numpy as np
 from baselines.paper.cache import Cache
 from baselines.paper.document import Section, Table, from_markdown
 from baselines.paper.drawing import kept
+from baselines.paper.models import JUDGED, was_judged
 from benchmarks.turbine.bode import figure10, figure13, figure14
 from benchmarks.turbine.study import Study
 from benchmarks.turbine.tips import figure11
@@ -124,7 +125,8 @@ def turbine_figures(
     case: Case, model: TurbineModel, folder: Path, cache: Cache, tell: Callable[[str], None]
 ) -> Section:
     """Figures 10, 11, 13 and 14."""
-    study = Study(case, "svg")
+    study, judged = Study(case, "svg"), was_judged(case.hash())
+    judgements: list[str] = []
     content: list[str | Table | Path] = [
         "Reading: 'stationary' is a joint frozen with blade 1 up while inflow and wake turn; magnitudes in dB of 1 m "
         "per m/s, the paper's in dB of a gust input whose scale it does not give, so shapes are compared, not levels."
@@ -145,9 +147,16 @@ def turbine_figures(
             kept(folder / f"{name}.svg", found["drawing"]),
             *printed,
             *([COMPARED[name](printed, model)] if name in COMPARED else []),
-            judgement,
         ]
-    return Section("Figures 10, 11, 13 and 14: responses of the turbine", tuple(content), VERDICT)
+        judgements.append(f"Figure {name.removeprefix('figure')}. {judgement}")
+    if not judged:
+        judgements = [f"Not judged: only the figures of {JUDGED} were looked at beside the paper's."]
+    return Section(
+        "Figures 10, 11, 13 and 14: responses of the turbine",
+        tuple(content),
+        VERDICT if judged else "",
+        tuple(judgements),
+    )
 
 
 def figure_15(model: TurbineModel, folder: Path, cache: Cache, duration: float) -> Section:
@@ -204,11 +213,13 @@ def figure_15(model: TurbineModel, folder: Path, cache: Cache, duration: float) 
                 ),
                 rows,
             ),
-            f"The flap reaches {float(found['flap']):.1f} deg and answers the inflow {abs(lag):.2f} s "
-            f"{'late, as in the paper' if lag > 0 else 'early, where the paper has it late'} (greatest correlation).",
         ),
         f"open loop reaches {rows[0][1]} MN m, {rows[1][1]} m and {rows[2][1]} m; the paper's axes are {AXES[0]}, "
         f"{AXES[1]} and {AXES[2]}",
+        (
+            f"The flap reaches {float(found['flap']):.1f} deg and answers the inflow {abs(lag):.2f} s "
+            f"{'late, as in the paper' if lag > 0 else 'early, where the paper has it late'} (greatest correlation).",
+        ),
     )
 
 

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.reduction.weighted import balance, relative_error
-from flapgym.state_space import Array, StateSpace, series
+from flapgym.state_space import Array, StateSpace, require_time_step, series
 from flapgym.turbulence import von_karman_filter
 
 MOMENT = 1e6
@@ -125,6 +125,7 @@ def best_flap(free: Array, response: StateSpace, model: TurbineModel, hold: int 
     RuntimeError
         If the solver gives up.
     """
+    require_time_step("best_flap.response.time_step", response.time_step, model.time_step, "the model's")
     stage = _lifted(response, model, hold)
     count = free.size // hold
     moment = free[: count * hold].reshape(count, hold) / MOMENT

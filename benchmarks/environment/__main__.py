@@ -21,7 +21,8 @@ from typing import Any
 from benchmarks.environment import agreement, endurance, kernels, limits, peers, report, startup
 from benchmarks.page import fill
 from flapgym.aeroelastic import load_model
-from flapgym.atomic import write_atomically
+from flapgym.atomic import check_target, write_atomically
+from flapgym.program import Parser, Work, real, run, whole
 
 PARTS = ("peers", "kernels", "order", "startup")
 ORDERS = (0.001, 0.01, 0.1)
@@ -29,39 +30,60 @@ BATCH = 1024
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the benchmark; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="benchmarks.environment", description=(__doc__ or "").splitlines()[0]
-    )
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    wanted = options.parts or list(PARTS)
+    unknown = [name for name in wanted if name not in PARTS]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: unknown part; expected some of {', '.join(PARTS)}")
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    check_target(options.output)
+    if options.docs is not None:
+        check_target(options.docs)
+        options.docs.read_text(encoding="utf-8")
+
+    def work() -> int:
+        found = measure(wanted, options.seconds, options.rounds, _tell)
+        if options.agreement:
+            found["agreement"] = agreement.agreement(options.agreement, _tell)
+            found["tables"]["agreement"] = report.agreement_table(found["agreement"], options.agreement)
+        if options.endurance:
+            results = endurance.endure(options.endurance, _tell)
+            found["endurance"] = [asdict(result) for result in results]
+            found["tables"]["endurance"] = report.endurance_table(results)
+        for name, text in found["tables"].items():
+            print(f"\n{name}\n\n{text}")
+        write_atomically(options.output, (json.dumps(found, indent=2) + "\n").encode())
+        print(f"\nwritten: {options.output}")
+        if options.docs is not None:
+            filled = fill(options.docs.read_text(encoding="utf-8"), found["tables"])
+            write_atomically(options.docs, filled.encode())
+            print(f"written: {options.docs}")
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m benchmarks.environment", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.environment")
     parser.add_argument("parts", nargs="*", metavar="part", help=f"of {', '.join(PARTS)} (default: all)")
-    parser.add_argument("--seconds", type=float, default=0.15, help="of each round (default: 0.15)")
-    parser.add_argument("--rounds", type=int, default=5, help="of which the best counts (default: 5)")
-    parser.add_argument("--endurance", type=int, default=0, metavar="STEPS", help="plant steps of a long run")
-    parser.add_argument("--agreement", type=float, default=0.0, metavar="SECONDS", help="simulated, compared")
+    parser.add_argument(
+        "--seconds", type=real(1e-3, 3600.0, "s"), default=0.15, help="of each round (default: 0.15)"
+    )
+    parser.add_argument("--rounds", type=whole(1), default=5, help="of which the best counts (default: 5)")
+    parser.add_argument(
+        "--endurance", type=whole(0), default=0, metavar="STEPS", help="plant steps of a long run"
+    )
+    parser.add_argument(
+        "--agreement", type=real(0.0, 1e5, "s"), default=0.0, metavar="SECONDS", help="simulated, compared"
+    )
     parser.add_argument("--output", type=Path, default=Path("results/bench.json"))
     parser.add_argument("--docs", type=Path, help="page whose tables are replaced")
-    options = parser.parse_args(arguments)
-    wanted = options.parts or list(PARTS)
-    if options.seconds <= 0.0 or options.rounds < 1 or not set(wanted) <= set(PARTS):
-        parser.error(f"expected positive --seconds and --rounds, and parts among {', '.join(PARTS)}")
-    found = measure(wanted, options.seconds, options.rounds, _tell)
-    if options.agreement:
-        found["agreement"] = agreement.agreement(options.agreement, _tell)
-        found["tables"]["agreement"] = report.agreement_table(found["agreement"], options.agreement)
-    if options.endurance:
-        results = endurance.endure(options.endurance, _tell)
-        found["endurance"] = [asdict(result) for result in results]
-        found["tables"]["endurance"] = report.endurance_table(results)
-    for name, text in found["tables"].items():
-        print(f"\n{name}\n\n{text}")
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(options.output, (json.dumps(found, indent=2) + "\n").encode())
-    print(f"\nwritten: {options.output}")
-    if options.docs is not None:
-        filled = fill(options.docs.read_text(encoding="utf-8"), found["tables"])
-        write_atomically(options.docs, filled.encode())
-        print(f"written: {options.docs}")
-    return 0
+    return parser
 
 
 def measure(parts: Sequence[str], seconds: float, rounds: int, tell: Callable[[str], None]) -> dict[str, Any]:

@@ -36,6 +36,11 @@ class _Turns:
         if place == "0":
             self._tell(f"round {int(turn) + 1} of {self._rounds}")
 
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_keyboard_interrupt(self) -> None:
+        """Ctrl-C ends the program: pytest would end the tests in order and say so in its own words."""
+        raise KeyboardInterrupt
+
 
 def best_of(
     calls: Mapping[Key, Callable[[], object]], seconds: float, rounds: int, tell: Callable[[str], None]

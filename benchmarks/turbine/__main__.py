@@ -7,6 +7,7 @@ campbell.png. All parts take some two minutes on an idle core, and 1 GB.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from benchmarks.turbine.campbell import TIP_SPEED_RATIOS, campbell
 from benchmarks.turbine.speed import ROUNDS, speed
 from benchmarks.turbine.study import Study, Tell
 from benchmarks.turbine.tips import figure11
+from flapgym.evaluation import writable_folder
+from flapgym.program import Parser, Work, run
 from flapgym.turbine import load_case
 
 FIGURES = {"figure10": figure10, "figure11": figure11, "figure13": figure13, "figure14": figure14}
@@ -40,33 +43,44 @@ def against_full(study: Study, output: Path, tell: Tell) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the parts asked for; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="benchmarks.turbine", description=(__doc__ or "").splitlines()[0])
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    parts = options.parts or list(STAGES)
+    unknown = [part for part in parts if part not in STAGES]
+    if unknown:
+        raise ValueError(f"{unknown[0]}: unknown part; expected some of {', '.join(STAGES)}")
+    folder = writable_folder(options.output)
+
+    def work() -> int:
+        study = Study(load_case("nrel5mw-rated"))
+        programs = FIGURES | {"full": against_full, "campbell": campbell}
+        with tqdm.tqdm(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
+            begun = False
+
+            def tell(stage: str) -> None:
+                nonlocal begun
+                bar.update(int(begun))
+                bar.set_description(stage)
+                begun = True
+
+            for part in parts:
+                programs[part](study, folder, tell)
+            bar.update()
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m benchmarks.turbine", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.turbine")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(STAGES)} (default: all)")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for the figures")
-    options = parser.parse_args(arguments)
-    unknown = [part for part in options.parts if part not in STAGES]
-    if unknown:
-        parser.error(f"no part {unknown[0]!r}; there are {', '.join(STAGES)}")
-    parts = options.parts or list(STAGES)
-    output: Path = options.output
-    output.mkdir(parents=True, exist_ok=True)
-    study = Study(load_case("nrel5mw-rated"))
-    programs = FIGURES | {"full": against_full, "campbell": campbell}
-    with tqdm.tqdm(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
-        begun = False
-
-        def tell(stage: str) -> None:
-            nonlocal begun
-            bar.update(int(begun))
-            bar.set_description(stage)
-            begun = True
-
-        for part in parts:
-            programs[part](study, output, tell)
-        bar.update()
-    return 0
+    return parser
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

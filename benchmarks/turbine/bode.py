@@ -81,26 +81,13 @@ def figure10(study: Study, output: Path, tell: Tell) -> None:
     tell("Figure 10: reduced lattice")
     aerodynamics = study.seen(0.0)
     tell("Figure 10: towers")
+    curves = on_towers(study)
     own = frozen_turbine(study.parts, aerodynamics, 0.0)
-    curves = {
-        "rigid tower": tip(clamped_rotor(study.parts, aerodynamics)),
-        "NREL tower": tip(own),
-        "tower three times softer": tip(
-            frozen_turbine(with_tower(study.parts, 1.0 / SOFTER), aerodynamics, 0.0)
-        ),
-    }
     parked = parked_tip(study)
-    rigid = decibel(curves["rigid tower"])
-    rows = []
     others = {f"NREL tower, blade {blade}": tip(own, blade) for blade in (2, 3)}
-    for name, response in list((curves | others).items())[1:]:
-        change = decibel(response) - rigid
-        row = [name]
-        for low, high in TOWER_BANDS:
-            inside = np.flatnonzero((low <= FREQUENCY) & (high >= FREQUENCY))
-            at = inside[np.abs(change[inside]).argmax()]
-            row.append(f"{change[at]:+.1f} at {FREQUENCY[at]:.2f} Hz")
-        rows.append(row)
+    rigid = curves["rigid tower"]
+    compared = {name: response for name, response in (curves | others).items() if response is not rigid}
+    rows = [[name, *tower_marks(response, rigid)] for name, response in compared.items()]
     head = [f"{low:g} to {high:g} Hz" for low, high in TOWER_BANDS]
     table("Figure 10: tip per gust over that on a rigid tower, largest change [dB]", ["", *head], rows)
     peaks = resonances(parked)
@@ -113,6 +100,28 @@ def figure10(study: Study, output: Path, tell: Tell) -> None:
         output / f"figure10.{study.picture}",
         "Gust to tip deflection by tower",
     )
+
+
+def on_towers(study: Study) -> dict[str, ComplexArray]:
+    """Tip per gust on the three towers of Figure 10, the rigid one first."""
+    aerodynamics = study.seen(0.0)
+    softer = with_tower(study.parts, 1.0 / SOFTER)
+    return {
+        "rigid tower": tip(clamped_rotor(study.parts, aerodynamics)),
+        "NREL tower": tip(frozen_turbine(study.parts, aerodynamics, 0.0)),
+        "tower three times softer": tip(frozen_turbine(softer, aerodynamics, 0.0)),
+    }
+
+
+def tower_marks(response: ComplexArray, rigid: ComplexArray) -> list[str]:
+    """Largest change from the answer on a rigid tower in each of TOWER_BANDS [dB], and where."""
+    change = decibel(response) - decibel(rigid)
+    marks = []
+    for low, high in TOWER_BANDS:
+        inside = np.flatnonzero((low <= FREQUENCY) & (high >= FREQUENCY))
+        at = inside[np.abs(change[inside]).argmax()]
+        marks.append(f"{change[at]:+.1f} at {FREQUENCY[at]:.2f} Hz")
+    return marks
 
 
 def resonances(response: ComplexArray) -> NDArray[np.int64]:

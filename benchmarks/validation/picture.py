@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,14 +15,16 @@ from benchmarks.validation.reference import Array, Series
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = {"BeamDyn": "black", "ElastoDyn": "#e08214", "ours": "#1f6fb4"}
+COLOURS = {"BeamDyn": "black", "ElastoDyn": "#e08214"}
+OURS = ("#1f6fb4", "#d6308f", "#2a9d5c")  # model after model, again from the first after the last
+WIDTHS = (2.6, 1.3)  # of the first model, of the others
 STEP_WINDOW = (-1.0, 9.0)  # s, about the step
 TURBULENCE_WINDOW = (80.0, 115.0)  # s
 MEGA = 1e6
 
 
-def draw(comparison: Comparison) -> bytes:
-    """The picture as a PNG of 1280 pixels' width."""
+def draw(comparisons: Sequence[Comparison]) -> bytes:
+    """The picture as a PNG of 1280 pixels' width: OpenFAST, the first model over it, the others thinner."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -30,29 +32,39 @@ def draw(comparison: Comparison) -> bytes:
     with rc_context({"font.size": 13.0, "axes.titlesize": 13.0}):
         figure = Figure(figsize=(6.4, 9.6), layout="constrained")
         step, turbulence, spectra = figure.subplots(3, 1)
-        draw_step(step, comparison)
-        draw_turbulence(turbulence, comparison)
-        draw_spectra(spectra, comparison)
+        draw_step(step, comparisons)
+        draw_turbulence(turbulence, comparisons)
+        draw_spectra(spectra, comparisons)
         for axis in (step, turbulence, spectra):
             axis.grid(color="0.9")
             axis.set_axisbelow(True)
         handles, labels = step.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False)
+        figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False)
         content = io.BytesIO()
         figure.savefig(content, format="png", dpi=200)
     return content.getvalue()
 
 
 def curves(
-    axis: Axes, pairs: dict[str, tuple[Series, Series]], of: Callable[[Series], tuple[Array, Array]]
+    axis: Axes,
+    pairs: Mapping[str, Mapping[str, tuple[Series, Series]]],
+    of: Callable[[Series], tuple[Array, Array]],
 ) -> None:
-    """OpenFAST's two programs, and ours under the first one's wind on top."""
+    """OpenFAST's two programs, and the models, by name, under the first one's wind on top."""
+    theirs = next(iter(pairs.values()))
     for name in PROGRAMS:
-        axis.plot(*of(pairs[name][1]), label=name, color=COLOURS[name], linewidth=2.0)
-    axis.plot(*of(pairs[PROGRAMS[0]][0]), label="ours", color=COLOURS["ours"], linewidth=2.6)
+        axis.plot(*of(theirs[name][1]), label=name, color=COLOURS[name], linewidth=2.0)
+    for index, (name, ours) in enumerate(pairs.items()):
+        axis.plot(
+            *of(ours[PROGRAMS[0]][0]),
+            label=name,
+            color=OURS[index % len(OURS)],
+            linewidth=WIDTHS[min(index, 1)],
+            zorder=3.0 - 0.1 * index,
+        )
 
 
-def draw_step(axis: Axes, comparison: Comparison) -> None:
+def draw_step(axis: Axes, comparisons: Sequence[Comparison]) -> None:
     """Root moment from its value before the step."""
 
     def moved(series: Series) -> tuple[Array, Array]:
@@ -61,29 +73,29 @@ def draw_step(axis: Axes, comparison: Comparison) -> None:
         before = shown.rbm[shown.time <= at].mean()
         return shown.time - at, (shown.rbm - before) / MEGA
 
-    curves(axis, dict(comparison.step), moved)
+    curves(axis, {each.model: each.step for each in comparisons}, moved)
     axis.set(title="Wind steps from 11 to 12 m/s", xlabel="time [s]", ylabel="RBM [MN m]", xlim=STEP_WINDOW)
 
 
-def draw_turbulence(axis: Axes, comparison: Comparison) -> None:
+def draw_turbulence(axis: Axes, comparisons: Sequence[Comparison]) -> None:
     """Some half a minute of root moment about its mean."""
 
     def about_mean(series: Series) -> tuple[Array, Array]:
         shown = series.between(*TURBULENCE_WINDOW)
         return shown.time, (shown.rbm - series.rbm.mean()) / MEGA
 
-    curves(axis, dict(comparison.turbulence), about_mean)
+    curves(axis, {each.model: each.turbulence for each in comparisons}, about_mean)
     axis.set(title="The same turbulence", xlabel="time [s]", ylabel="RBM [MN m]", xlim=TURBULENCE_WINDOW)
 
 
-def draw_spectra(axis: Axes, comparison: Comparison) -> None:
+def draw_spectra(axis: Axes, comparisons: Sequence[Comparison]) -> None:
     """Power spectral densities over the bands of the table."""
 
     def density(series: Series) -> tuple[Array, Array]:
         frequency, power = spectrum(series.rbm, series.time_step)
         return frequency[1:], power[1:] / MEGA**2
 
-    curves(axis, dict(comparison.turbulence), density)
+    curves(axis, {each.model: each.turbulence for each in comparisons}, density)
     edges = [BANDS[0][0], *(high for _, high in BANDS)]
     axis.set(
         title="Spectrum of the moment",

@@ -1,34 +1,45 @@
-"""The comparison as one table in Markdown."""
+"""The comparison of some models as one table in Markdown."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from benchmarks.page import table
 from benchmarks.validation.comparison import Comparison
 from benchmarks.validation.rows import Near, Row
 
-HEAD = ("quantity", "ours", "independent", "ours / independent", "held to", "outcome")
+OVER = "over independent"
 
 
-def comparison_table(comparison: Comparison) -> str:
-    """All rows, each group under its heading."""
+def comparison_table(comparisons: Sequence[Comparison]) -> str:
+    """All rows, each group under its heading; two columns a model."""
+    names = [comparison.model for comparison in comparisons]
+    head = ["quantity", "independent", "held to", *(word for name in names for word in (f"`{name}`", OVER))]
+    first = comparisons[0].tables
     lines: list[list[str]] = []
-    for heading, rows in comparison.tables.items():
-        lines.append([f"**{heading}**", *[""] * (len(HEAD) - 1)])
-        lines += [cells(row) for row in rows]
-    return table(HEAD, lines)
+    for heading in first:
+        lines.append([f"**{heading}**", *[""] * (len(head) - 1)])
+        beside = zip(*(comparison.tables[heading] for comparison in comparisons), strict=True)
+        lines += [cells(rows) for rows in beside]
+    return table(head, lines)
 
 
-def cells(row: Row) -> list[str]:
-    """One line of the table."""
+def cells(rows: Sequence[Row]) -> list[str]:
+    """One line of the table: a quantity of every model, whose independent values are the same."""
+    row = rows[0]
     unit = f" [{row.unit.name}]" if row.unit.name else ""
     return [
         row.quantity + unit,
-        row.unit.show(row.ours),
         ", ".join(f"{name} {row.unit.show(value)}" for name, value in row.independent.items()),
-        ", ".join(f"{ratio:.2f}" for ratio in row.ratios.values()),
         str(row.limit or ""),
-        outcome(row),
+        *(cell for each in rows for cell in (each.unit.show(each.ours), beside_independent(each))),
     ]
+
+
+def beside_independent(row: Row) -> str:
+    """Ours over the independent values, and whether that will do."""
+    ratios = ", ".join(f"{ratio:.2f}" for ratio in row.ratios.values())
+    return ": ".join(part for part in (ratios, outcome(row)) if part)
 
 
 def outcome(row: Row) -> str:
@@ -42,8 +53,8 @@ def outcome(row: Row) -> str:
         amount = f"{row.unit.show(abs(beyond))} {row.unit.name}".strip()
     else:
         nearest = min(row.independent.values(), key=lambda value: abs(row.ours - value))
-        amount = f"{100 * abs(beyond / nearest):.0f} %"
-    return f"**missed** by {amount}, {'low' if beyond < 0.0 else 'high'}"
+        amount = f"{100 * abs(beyond / nearest):.1f} %"
+    return f"**{amount} too {'low' if beyond < 0.0 else 'high'}**"
 
 
 def verdict(comparison: Comparison) -> str:

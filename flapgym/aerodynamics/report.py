@@ -8,6 +8,7 @@ from flapgym.aerodynamics.downwash import glauert_scale
 from flapgym.aerodynamics.rigid import rigid_rotor
 from flapgym.aerodynamics.rotor import root_moment_load
 from flapgym.turbine import Case
+from flapgym.wording import number
 
 FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0)  # Hz; nothing above 3 Hz is independent of the discretisation
 
@@ -24,12 +25,12 @@ def describe_aerodynamics(case: Case) -> str:
     circulations = rotor.blades * (lattice.normal.shape[0] + lattice.strips * rotor.wake_rows)
     point = case.operating_point
     lines = [
-        f"case             {case.name}: wind {point.wind_speed:g} m/s, rotor {case.rotor_speed:.4f} rad/s, "
-        f"pitch {point.pitch / degree:g} deg",
+        f"case             {case.name}: wind {number(point.wind_speed)} m/s, rotor {case.rotor_speed:.4f} rad/s, "
+        f"pitch {number(point.pitch / degree)} deg",
         f"lattice          {rotor.blades} blades of {lattice.chordwise} x {lattice.strips} rings, time step "
-        f"{rotor.time_step:g} s",
-        f"wake             {rotor.wake_rows} rows, {grid.wake_length:g} diameters, induction {grid.induction:g}; "
-        f"{circulations} circulations in all",
+        f"{number(rotor.time_step)} s",
+        f"wake             {rotor.wake_rows} rows, {number(grid.wake_length)} diameters, "
+        f"induction {number(grid.induction)}; {circulations} circulations in all",
         f"mean loads       rigid, undeflected blades, {_profile(case)}, {_mean_wake(case)}:",
         f"  thrust         {mean.thrust / 1e3:8.1f} kN      coefficient {mean.thrust_coefficient:.3f}",
         f"  torque         {mean.torque / 1e3:8.1f} kN m    by leading-edge suction "

@@ -32,6 +32,7 @@ from flapgym.state_space import Array
 from flapgym.structure import LinearBlade
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
+from flapgym.wording import number
 
 _MOST_ROWS = 4096
 _SCALING_FREQUENCY = 0.2  # Hz; lattice outputs count by their size here, where turbulence has its energy
@@ -113,8 +114,8 @@ def _downwash(case: Case, aero: Aerodynamics, rate: Array, held: Array) -> Array
     angle, angle_rate = flap_downwash(aero, flap)
     if not (np.isfinite(angle).all() and angle.any()):
         raise ValueError(
-            f"flap: the lattice resolves no flap from span_start {flap.span_start:g} to span_end {flap.span_end:g} "
-            f"of chord_fraction {flap.chord_fraction:g}; make it larger"
+            f"flap: the lattice resolves no flap from span_start {number(flap.span_start)} to span_end "
+            f"{number(flap.span_end)} of chord_fraction {number(flap.chord_fraction)}; make it larger"
         )
     hub = velocity_downwash(aero, rigid_displacement(aero.collocation))
     hub_turn = hub_turn_downwash(aero, case.operating_point.wind_speed)[

@@ -31,6 +31,7 @@ from flapgym.state_space import Array, StateSpace, delayed, series
 from flapgym.structure import linear_support
 from flapgym.turbine import Case
 from flapgym.turbulence import von_karman_filter
+from flapgym.wording import number
 
 Progress = Callable[[str], None]
 
@@ -61,7 +62,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     if case.blades.unequal and case.reduction.coupled_tolerance:
         raise ValueError(
             "reduction.coupled_tolerance: expected 0 % with unequal blades, whose periodic form is not reduced, "
-            f"got {100 * case.reduction.coupled_tolerance:g} %"
+            f"got {number(100 * case.reduction.coupled_tolerance)} %"
         )
     tell = progress or (lambda stage: None)
     tell(STAGES[0])
@@ -126,8 +127,9 @@ def refuse_unstable(case: Case, systems: Mapping[str, StateSpace]) -> None:
             point = case.operating_point
             raise ValueError(
                 f"operating_point: the {name} of case {case.name!r} is unstable (spectral radius {radius:.6f}) at "
-                f"{point.wind_speed:g} m/s, tip-speed ratio {point.tip_speed_ratio:g} and "
-                f"{np.degrees(point.pitch):g} deg of pitch; above rated wind the rotor keeps its speed and is pitched"
+                f"{number(point.wind_speed)} m/s, tip-speed ratio {number(point.tip_speed_ratio)} and "
+                f"{number(np.degrees(point.pitch))} deg of pitch; above rated wind the rotor keeps its speed "
+                "and is pitched"
             )
 
 

@@ -20,6 +20,8 @@ from flapgym.aeroelastic.sources import PACKAGE, files_behind
 from flapgym.turbine import Case
 
 FLUTTER = "flutter"
+READABLE = 80
+"""Characters of a case's name in the name of its file, which file systems take 255 bytes of."""
 COMPLETE_STAGES = (*STAGES, FLUTTER)
 """Stages of a model that is not in the cache."""
 _not_kept: dict[Path, TurbineModel] = {}  # models of this process that no folder takes
@@ -40,7 +42,7 @@ def cache_folder() -> Path:
 def cached_path(case: Case) -> Path:
     """Where the cache keeps the model of a case, by its name and all that the model depends on."""
     # A case may be named with what no file name takes, or with what leads out of the folder.
-    readable = re.sub(r"[^\w-]+", "_", case.name)[:60]
+    readable = re.sub(r"[^\w-]+", "_", case.name, flags=re.ASCII)[:READABLE]
     made = repr((case.name, case.hash(), sorted(tools().items()), _sources(), FORMAT_VERSION))
     key = hashlib.sha256(made.encode()).hexdigest()[:20]
     return cache_folder() / f"{readable}-{key}.safetensors"

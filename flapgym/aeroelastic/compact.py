@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from flapgym.aeroelastic.model import TURBINE_INPUTS, TurbineModel
+from flapgym.aeroelastic.model import BLADE_INPUTS, TURBINE_INPUTS, TurbineModel
 from flapgym.reduction import balance, relative_error
-from flapgym.state_space import Array, StateSpace
+from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Quantity
 from flapgym.turbulence import von_karman_filter
 
 # The flaps as a controller moves them: half their travel in rms, up to about the first flapwise frequencies.
@@ -41,25 +42,46 @@ def compact_model(model: TurbineModel, tolerance: float) -> TurbineModel:
     ValueError
         If the tolerance is out of range.
     """
-    if not 0.0 < tolerance < 1.0:
-        raise ValueError(f"compact_model.tolerance: expected 0 < tolerance < 1, got {tolerance}")
-    weight = activity(model)
-    balanced = balance(model.turbine, weight)
+    turbine, error = smallest(model.turbine, activity(model), tolerance)
+    errors = {**model.record.errors, "turbine reduced as a whole": error}
+    return replace(model, turbine=turbine, record=replace(model.record, errors=errors))
 
-    def error(reduced: StateSpace) -> Array:
-        return relative_error(model.turbine, reduced, weight)
 
+def compact_blade(model: TurbineModel, tolerance: float) -> StateSpace:
+    """The clamped blade in few states, its outputs within a tolerance as those of `compact_model`.
+
+    The wind and its own flap are weighed as they come, in which a balanced truncation by itself errs: it takes a radian
+    of flap for as likely as a metre per second of wind, and a metre of the tip for as much as a newton metre.
+    """
+    own = activity(model)
+    # The flap of the blade that stands at azimuth zero is the sum of the mean and the cosine component.
+    first = np.zeros((3, len(own.outputs)))
+    first[[0, 0, 1, 1, 2], [0, 1, 3, 4, 6]] = 1.0
+    weight = replace(own, C=first @ own.C, D=first @ own.D, outputs=BLADE_INPUTS)
+    return smallest(model.blade, weight, tolerance)[0]
+
+
+def smallest(system: StateSpace, weight: StateSpace, tolerance: float) -> tuple[StateSpace, float]:
+    """A system of few states within a tolerance of the full one under what drives it, and its error.
+
+    Raises
+    ------
+    ValueError
+        If the tolerance is out of range.
+    """
+    Quantity("number", above=0.0, below=1.0).check(tolerance, "compact_model.tolerance")
+    balanced = balance(system, weight)
     # The error falls with the order but not strictly, so bisection finds a small order, near the least.
-    low, high, best = 0, model.turbine.order, model.turbine
+    low, high, best, least = 0, system.order, system, 0.0
     while high - low > 1:
         middle = (low + high) // 2
         reduced = balanced.truncated(middle)
-        if error(reduced).max() <= tolerance:
-            high, best = middle, reduced
+        error = float(relative_error(system, reduced, weight).max())
+        if error <= tolerance:
+            high, best, least = middle, reduced, error
         else:
             low = middle
-    errors = {**model.record.errors, "turbine reduced as a whole": float(error(best).max())}
-    return replace(model, turbine=best, record=replace(model.record, errors=errors))
+    return best, least
 
 
 def activity(model: TurbineModel) -> StateSpace:

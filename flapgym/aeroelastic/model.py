@@ -24,8 +24,8 @@ from flapgym.aeroelastic.model_check import check_header, check_model, check_ten
 from flapgym.aeroelastic.record import Flutter, Record
 from flapgym.atomic import write_atomically
 from flapgym.files import MEGABYTE, parse_json, regular_file
-from flapgym.state_space import Array, StateSpace
-from flapgym.wording import one_line, shown
+from flapgym.state_space import Array, StateSpace, require_time_step
+from flapgym.wording import number, one_line, shown
 
 FORMAT_VERSION = 2
 DEFAULT_MODEL = "nrel5mw-corrected"
@@ -135,6 +135,11 @@ class TurbineModel:
     record: Record = field(default_factory=Record)
     format_version: int = FORMAT_VERSION
 
+    def __post_init__(self) -> None:
+        for name in _SYSTEMS:
+            found = getattr(self, name).time_step
+            require_time_step(f"model.{name}.time_step", found, self.time_step, "the model's own time_step")
+
     @cached_property
     def hash(self) -> str:
         """SHA-256 of how the model answers: what an agent names to say which model it was made for.
@@ -166,9 +171,9 @@ class TurbineModel:
             return "time-invariant, blades alike"
         degree = np.pi / 180.0
         differ = "; ".join(
-            f"{name} {', '.join(f'{value:g}' for value in values)}"
+            f"{name} {', '.join(f'{number(value)}' for value in values)}"
             if name != "pitch_offset"
-            else f"{name} {', '.join(f'{value / degree:g}' for value in values)} deg"
+            else f"{name} {', '.join(f'{number(value / degree)}' for value in values)} deg"
             for name, values in self.case["blades"].items()
             if len(set(values)) > 1
         )

@@ -23,6 +23,7 @@ from flapgym.aeroelastic.interaction import interpolation, lattice_shape
 from flapgym.state_space import Array
 from flapgym.structure import EquilibriumError, LinearBlade, linear_blade
 from flapgym.turbine import Case
+from flapgym.wording import number
 
 MAX_ITERATIONS = 20
 TOLERANCE = 1e-6
@@ -80,7 +81,7 @@ def trim(case: Case, blades: int = 3) -> Trim:
             return linear_blade(case.turbine, grid.blade_elements, case.rotor_speed, point.pitch, load, near)
         except EquilibriumError as error:
             raise ValueError(
-                f"operating_point: the blade finds no balance at {point.wind_speed:g} m/s and "
+                f"operating_point: the blade finds no balance at {number(point.wind_speed)} m/s and "
                 f"{case.rotor_speed:.3g} rad/s ({error}); lower wind_speed or tip_speed_ratio"
             ) from error
 

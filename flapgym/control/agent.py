@@ -11,6 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.state_space import require_time_step
+
 BLADES = 3
 
 OBSERVATION_SCALES: dict[str, float] = {"rbm": 1e6, "flap_angle": 1.0, "flap_rate": 1.0}
@@ -37,7 +39,8 @@ class Agent(Protocol):
 
     Notes
     -----
-    One with a true `per_blade` treats each blade alone, so it can act on a single one.
+    One with a true `per_blade` treats each blade alone, so it can act on a single one. One with a `time_step` [s] was
+    made for plants of that step and is refused by any other.
     """
 
     @property
@@ -81,6 +84,13 @@ class OpenLoop:
     ) -> tuple[NDArray[np.float32], Array | None]:
         """No acceleration, whatever is observed."""
         return np.zeros((*np.shape(observation)[:-1], BLADES), dtype=np.float32), None
+
+
+def check_time_step(agent: Agent, time_step: float) -> None:
+    """Refuse an agent that was made for another time step [s] than the model's."""
+    own = getattr(agent, "time_step", None)
+    if own is not None:
+        require_time_step(f"agent {agent.name}: time_step", own, time_step, "the model's")
 
 
 def by_blade(observation: Floats, observe: tuple[str, ...]) -> Array:

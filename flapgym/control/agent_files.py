@@ -17,7 +17,7 @@ import numpy as np
 
 from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel
 from flapgym.atomic import write_atomically
-from flapgym.control.agent import Agent, OpenLoop
+from flapgym.control.agent import Agent, OpenLoop, check_time_step
 from flapgym.control.agent_checks import check_numbers, naming
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
 from flapgym.control.channels import MULTIBLADE, ROTOR
@@ -120,6 +120,7 @@ def save_agent(
             f"agent: expected a BladeController, RotorController or Policy, got {type(agent).__name__}; "
             "any other agent is handed to flapgym.evaluation.compare as it is"
         )
+    check_time_step(agent, model.time_step)
     target = Path(path)
     if target.suffix != ".json":
         raise ValueError(f"agent {target}: expected a path that ends in .json")

@@ -68,6 +68,11 @@ class BladeController:
             raise ValueError(f"start: expected shape {(s.order, 3)}, got {self.start.shape}")
         object.__setattr__(self, "_step", one_product(s, self.acceleration_limit))
 
+    @property
+    def time_step(self) -> float:
+        """Of the plants it was made for [s]."""
+        return self.system.time_step
+
     def predict(
         self,
         observation: Floats,

@@ -15,7 +15,8 @@ from scipy.special import logsumexp
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.control.channels import BLADE, ROTOR, controller_channels
-from flapgym.state_space import Array, StateSpace, series
+from flapgym.state_space import Array, StateSpace, require_time_step, series
+from flapgym.turbine.fields import Count, Quantity
 from flapgym.turbulence import von_karman_filter
 
 LARGEST_EFFECTIVENESS = 8.0
@@ -41,7 +42,16 @@ def closed_loop(
     plant : StateSpace, optional
         What the loop is closed on, three blades in either frame; by default the turbine. A controller in the blades'
         own frames has a time-invariant loop only with a plant in those, as a turbine frozen at an azimuth.
+
+    Raises
+    ------
+    ValueError
+        If controller or plant has another time step than the model, or the two are of different frames.
     """
+    Quantity("number").check(effectiveness, "closed_loop.effectiveness")
+    require_model_step("closed_loop.controller", controller, model)
+    if plant is not None:
+        require_model_step("closed_loop.plant", plant, model)
     plant = with_effectiveness(model.turbine if plant is None else plant, effectiveness)
     frame = controller_channels(plant.inputs)
     plant = plant.select(inputs=[*frame.inputs[3:], "wind"])
@@ -71,6 +81,11 @@ def closed_loop(
     assert a.shape == (n + m, n + m)
     names = [*frame.named("flap_angle"), *frame.named("flap_rate"), *frame.named("flap_acceleration")]
     return StateSpace(a, b, c, d, model.time_step, ("wind", *frame.named("noise")), (*plant.outputs, *names))
+
+
+def require_model_step(name: str, system: StateSpace, model: TurbineModel) -> None:
+    """Refuse a system that was sampled at another time step than the model."""
+    require_time_step(f"{name}.time_step", system.time_step, model.time_step, "the model's")
 
 
 def with_effectiveness(turbine: StateSpace, effectiveness: float) -> StateSpace:
@@ -140,6 +155,7 @@ def stability(model: TurbineModel, controller: StateSpace, tolerance: float = 0.
     The factor is bracketed in steps of 10 % and then bisected to `tolerance`; a loop that is stable again beyond an
     unstable band narrower than a step would be missed. Such a band cannot lie within the gains of the disk margin.
     """
+    Quantity("number", above=0.0).check(tolerance, "stability.tolerance")
     radius = closed_loop(model, controller).spectral_radius()
     if radius >= 1.0:
         return Stability(radius, 0.0)
@@ -164,6 +180,8 @@ def growth_per_turn(model: TurbineModel, controller: StateSpace, turns: int = 40
     its Floquet multipliers, from the rms moment over the revolution in the middle to that over the last one. To about
     4 % at forty turns where several modes decay alike. Infinite beyond the range of numbers.
     """
+    Count(at_least=2).check(turns, "growth_per_turn.turns")
+    require_model_step("growth_per_turn.controller", controller, model)
     turbine = model.turbine
     step = model.rotor_speed * model.time_step
     flaps = flaps_loop(controller, np.eye(3))
@@ -222,6 +240,8 @@ def stationary_rms(
         "rbm" [N m], "tip_deflection" [m], "tower_fore_aft", "tower_side_side" [m], "wind" [m/s]; with a controller also
         "flap_angle" [rad], "flap_rate" [rad/s] and "flap_acceleration" [rad/s^2].
     """
+    Quantity("number").check(effectiveness, "stationary_rms.effectiveness")
+    Quantity("moment", at_least=0.0).check(measurement_noise, "stationary_rms.measurement_noise")
     length = model.length_scale if length_scale is None else length_scale
     wind = von_karman_filter(
         model.wind_speed, model.turbulence_intensity, length, model.time_step, filter_order

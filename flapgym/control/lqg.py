@@ -16,8 +16,10 @@ import scipy.linalg
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.channels import Channels, controller_channels
+from flapgym.control.closed_loop import require_model_step
 from flapgym.control.rotor_controller import RotorController
 from flapgym.state_space import Array, StateSpace, series
+from flapgym.turbine.fields import Quantity
 from flapgym.turbulence import von_karman_filter
 
 RBM_UNIT = 1e6
@@ -45,12 +47,9 @@ class Weights:
     measurement_noise: float = 0.01
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.rbm) and self.rbm >= 0.0):
-            raise ValueError(f"weights.rbm: expected a number >= 0, got {self.rbm}")
+        Quantity("number", at_least=0.0).check(self.rbm, "weights.rbm")
         for name in ("flap_angle", "acceleration", "measurement_noise"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise ValueError(f"weights.{name}: expected a positive number, got {value}")
+            Quantity("number", above=0.0).check(getattr(self, name), f"weights.{name}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +115,12 @@ def design_model(
         and damping.
     """
     plant = model.blade if plant is None else plant
+    require_model_step("design_model.plant", plant, model)
     if disturbance is None:
         disturbance = von_karman_filter(
             model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
         )
+    require_model_step("design_model.disturbance", disturbance, model)
     channels = controller_channels(plant.inputs)
     flaps, m = channels.inputs[channels.count :], channels.count
     driven = plant.select([*flaps, *disturbance.outputs], channels.inputs[:m])

@@ -12,6 +12,7 @@ from flapgym.control.closed_loop import closed_loop
 from flapgym.control.growth import growth
 from flapgym.control.peak_gain import peak_gain
 from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Count
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,7 @@ def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> 
 
     In multi-blade coordinates what arrives late is turned on, as a controller that knows its delay does.
     """
+    Count(at_least=0).check(steps, "late_measurement.steps")
     channels = controller_channels(controller.inputs)
     m = channels.count
     turn = channels.turn(rotor_speed * controller.time_step)
@@ -108,6 +110,7 @@ def delay_margin(model: TurbineModel, controller: StateSpace, longest: int = 60)
     Every delay is tried in turn: beyond an unstable one a loop may be stable again. 0, too, for a loop that is unstable
     without delay.
     """
+    Count(at_least=1).check(longest, "delay_margin.longest")
     for delay in range(longest + 1):
         late = late_measurement(controller, delay, model.rotor_speed)
         if closed_loop(model, late).spectral_radius() >= 1.0:

@@ -25,6 +25,7 @@ from flapgym.control.lqg import (
     synthesise,
 )
 from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Count
 from flapgym.turbulence import von_karman_filter
 
 SOLVED = 1
@@ -82,14 +83,17 @@ class PredictiveController:
         preview: int = 0,
         blocks: tuple[int, ...] = BLOCKS,
     ) -> None:
-        if preview < 0:
-            raise ValueError(f"agent {name}: preview: expected a number of steps >= 0, got {preview}")
+        Count(at_least=0).check(preview, f"agent {name}: preview")
+        if not blocks:
+            raise ValueError(f"agent {name}: blocks: expected one or more numbers of steps, got none")
+        for index, steps in enumerate(blocks):
+            Count(at_least=1).check(steps, f"agent {name}: blocks[{index}]")
         self.name, self.model_hash, self.preview = name, model.hash, preview
         design = design_model(model)
         self.horizon = condense(design, weights, preview, blocks)
         self._solver = _solver(self.horizon.from_offsets)
         self._start = first_estimate(design, weights)
-        self._limit, self._time_step = model.acceleration_limit, model.time_step
+        self._limit, self.time_step = model.acceleration_limit, model.time_step
         self._order = design.A.shape[0]
         self._product = self._one_product(model, design, weights)
 
@@ -123,7 +127,7 @@ class PredictiveController:
             B=table[:n, n:],
             C=self._limit * table[n:, :n],
             D=self._limit * table[n:, n:],
-            time_step=self._time_step,
+            time_step=self.time_step,
             inputs=BLADE.inputs,
             outputs=BLADE.outputs,
         )
@@ -165,5 +169,5 @@ class PredictiveController:
         offsets, _, flag, _ = self._solver.solve()
         if flag != SOLVED:
             # Nothing is feasible, which the flap's own motion never brings about: brake.
-            return float(np.clip(-rate / (self._limit * self._time_step), -1.0, 1.0))
+            return float(np.clip(-rate / (self._limit * self.time_step), -1.0, 1.0))
         return action + self.horizon.first_offset * float(offsets[0])

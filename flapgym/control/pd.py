@@ -9,6 +9,7 @@ import numpy as np
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
 from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Quantity
 
 PD_START = np.array([[1.0, 0.0, 0.0]])
 """First state per unit of the first inputs: the low-passed moment is the moment, so its slope begins at zero."""
@@ -37,9 +38,10 @@ class PDGains:
     servo_damping: float
 
     def __post_init__(self) -> None:
+        for name in ("proportional", "derivative_time"):
+            Quantity("number").check(getattr(self, name), f"pd.{name}")
         for name in ("filter_time", "servo_frequency", "servo_damping"):
-            if not getattr(self, name) > 0.0:
-                raise ValueError(f"pd.{name}: expected a positive number, got {getattr(self, name)}")
+            Quantity("number", above=0.0).check(getattr(self, name), f"pd.{name}")
 
 
 def pd_agent(name: str, model: TurbineModel, gains: PDGains) -> BladeController:

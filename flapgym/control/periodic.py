@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.multiblade import blade_azimuths
 from flapgym.control.channels import MULTIBLADE, ROTOR
-from flapgym.control.closed_loop import flaps_loop, growth_per_turn
+from flapgym.control.closed_loop import flaps_loop, growth_per_turn, require_model_step
 from flapgym.control.margins import DiskMargin
 from flapgym.state_space import Array, StateSpace, TransferFunction
 
@@ -55,6 +55,7 @@ def periodic_disk_margin(
             f"periodic_disk_margin: expected a controller of {', '.join(ROTOR.named('rbm'))}, got one of "
             f"{', '.join(controller.inputs)}"
         )
+    require_model_step("periodic_disk_margin.controller", controller, model)
     if growth_per_turn(model, controller) >= 1.0:
         return DiskMargin(0.0, np.nan)
     loop = _LiftedLoop(model, controller, harmonics)

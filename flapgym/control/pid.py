@@ -17,6 +17,7 @@ from flapgym.control.channels import MULTIBLADE
 from flapgym.control.pd import PD_START, PDGains, pd_controller
 from flapgym.control.rotor_controller import RotorController
 from flapgym.state_space import Array, StateSpace
+from flapgym.turbine.fields import Quantity
 
 PID_START = np.vstack([PD_START, np.zeros((1, 3))])
 """First state per unit of the first inputs: no slope, and nothing integrated yet."""
@@ -39,10 +40,8 @@ class PIDGains(PDGains):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.isfinite(self.integral_gain) and self.integral_gain >= 0.0):
-            raise ValueError(f"pid.integral_gain: expected a number >= 0, got {self.integral_gain}")
-        if not self.leak_time > 0.0:
-            raise ValueError(f"pid.leak_time: expected a positive number, got {self.leak_time}")
+        Quantity("number", at_least=0.0).check(self.integral_gain, "pid.integral_gain")
+        Quantity("time", above=0.0).check(self.leak_time, "pid.leak_time")
 
 
 def pid_agent(name: str, model: TurbineModel, gains: PIDGains) -> BladeController:

@@ -70,6 +70,11 @@ class RotorController:
         object.__setattr__(self, "_step", one_product(self.system, self.acceleration_limit))
 
     @property
+    def time_step(self) -> float:
+        """Of the plants it was made for [s]."""
+        return self.system.time_step
+
+    @property
     def channels(self) -> Channels:
         """The frame it works in."""
         return controller_channels(self.system.inputs)

@@ -35,7 +35,7 @@ class BladeEnv(FlapEnv):
 
     | name | entries | unit | bound | meaning |
     |---|---|---|---|---|
-    | `rbm` | 1 | MN m | 50 | flapwise root bending moment |
+    | `rbm` | 1 | MN m | 50, or 40 `rbm_rms` if more | flapwise root bending moment |
     | `flap_angle` | 1 | rad | angle stop, 0.1745 | flap angle |
     | `flap_rate` | 1 | rad/s | rate stop, 1.745 | flap rate |
     | `tip_deflection` | 1 | m | 50 | tip deflection, downwind |

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import reprlib
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any, NamedTuple
@@ -24,11 +24,14 @@ from flapgym.plant.states import checked_state, checked_whole
 from flapgym.reduction import output_rms
 from flapgym.state_space import Array, series
 from flapgym.turbulence import von_karman_filter
+from flapgym.wording import number, shown
 
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 BIT_GENERATORS = ("MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64")
 BUFFERS = {"pos": 624, "buffer_pos": 4}
 """What a generator's place in its own numbers is called, and the last one."""
+UNREADABLE = (TypeError, ValueError, OverflowError, RuntimeError)
+"""What others' arrays raise that NumPy cannot read: ragged, too large, or a tensor that keeps gradients."""
 RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turbulence_intensity")
 
 Info = dict[str, Any]
@@ -81,7 +84,7 @@ class Fleet:
         self.setup = Setup(
             steps_per_action=settings.steps_per_action,
             intervals=settings.intervals(self.model.time_step),
-            length_scale=settings.length_scale,
+            length_scale=self.model.length_scale if settings.length_scale is None else settings.length_scale,
             # A late moment is looked up among the samples.
             every_sample=settings.record_samples
             or settings.tower_weight > 0.0
@@ -101,7 +104,7 @@ class Fleet:
             settings.flap_angle_weight,
             settings.tower_weight,
         )
-        self.intensity = settings.intensities(count)
+        self.intensity = settings.intensities(count, self.model)
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
         self.plant = make_plant(self.model, count, self.setup, self.task)
@@ -204,7 +207,7 @@ class Fleet:
         for name, own in json.loads(self._made_by).items():
             if made_by.get(name) != own:
                 raise ValueError(
-                    f"state: made by an environment with {name} {made_by.get(name)!r}, this one has {own!r}"
+                    f"state: made by an environment with {name} {shown(made_by.get(name))}, this one has {shown(own)}"
                 )
         return {name: read_entry(state, name, reader) for name, reader in readers.items()}
 
@@ -290,10 +293,10 @@ class Fleet:
         n, model = self.count, self.model
         options = {} if options is None else options
         if not isinstance(options, Mapping):
-            raise ValueError(f"options: expected a dict of {', '.join(RESET_OPTIONS)}, got {options!r}")
+            raise ValueError(f"options: expected a dict of {', '.join(RESET_OPTIONS)}, got {shown(options)}")
         for name in options:
             if name not in RESET_OPTIONS:
-                raise ValueError(f"options: no {name!r}; known: {', '.join(RESET_OPTIONS)}")
+                raise ValueError(f"options: no {shown(name)}; known: {', '.join(RESET_OPTIONS)}")
         angle = _option(options, "flap_angle", (n, BLADES), model.flap_angle_limit)
         rate = _option(options, "flap_rate", (n, BLADES), model.flap_rate_limit)
         azimuth = _option(options, "azimuth", (n,)) if "azimuth" in options else None
@@ -302,7 +305,7 @@ class Fleet:
             intensity = _option(options, "turbulence_intensity", (n,))
             if intensity.min() < 0.0 or intensity.max() >= 1.0:
                 given = options["turbulence_intensity"]
-                raise ValueError(f"options.turbulence_intensity: expected {FRACTION}, got {given!r}")
+                raise ValueError(f"options.turbulence_intensity: expected {FRACTION}, got {shown(given)}")
         seeds = _seeds(options, n, self.setup.pool)
         return [
             {
@@ -366,9 +369,9 @@ def numbers(actions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32] |
     else:
         try:
             values = _as_floats(actions)
-        except (TypeError, ValueError, OverflowError):
+        except UNREADABLE:
             raise ValueError(
-                f"action: expected real numbers of shape {shape}, got {reprlib.repr(actions)}"
+                f"action: expected real numbers of shape {shape}, got {shown(actions)}"
             ) from None
     if values.shape != shape:
         raise ValueError(f"action: expected shape {shape}, got {values.shape}")
@@ -423,7 +426,7 @@ def generator_of(state: Mapping[str, Any]) -> np.random.Generator:
     """A generator in such a state, of a kind that NumPy has."""
     kind = state["bit_generator"]
     if kind not in BIT_GENERATORS:
-        raise ValueError(f"bit_generator: expected one of {', '.join(BIT_GENERATORS)}, got {kind!r}")
+        raise ValueError(f"bit_generator: expected one of {', '.join(BIT_GENERATORS)}, got {shown(kind)}")
     bits = getattr(np.random, kind)()
     bits.state = _like(bits.state, state)
     return np.random.Generator(bits)
@@ -437,10 +440,10 @@ def _like(own: Any, given: Any, name: str = "generator") -> Any:
         return checked_whole(name, given, BUFFERS[name])
     if isinstance(own, np.ndarray):
         if len(given) != own.size or not all(type(each) is int for each in given):
-            raise ValueError(f"{name}: expected {own.size} whole numbers, got {reprlib.repr(given)}")
+            raise ValueError(f"{name}: expected {own.size} whole numbers, got {shown(given)}")
         return np.array(given, dtype=own.dtype)
     if type(given) is not type(own):
-        raise ValueError(f"{name}: expected {type(own).__name__}, got {reprlib.repr(given)}")
+        raise ValueError(f"{name}: expected {type(own).__name__}, got {shown(given)}")
     return given
 
 
@@ -463,7 +466,7 @@ def each_of(count: int, reader: Reader) -> Reader:
 
     def read(entries: Any) -> list[Any]:
         if not isinstance(entries, (list, tuple)) or len(entries) != count:
-            raise ValueError(f"expected a list of {count}, got {reprlib.repr(entries)}")
+            raise ValueError(f"expected a list of {count}, got {shown(entries)}")
         return [reader(entry) for entry in entries]
 
     return read
@@ -472,14 +475,25 @@ def each_of(count: int, reader: Reader) -> Reader:
 def true_or_false(given: Any) -> bool:
     """A truth value of a state."""
     if not isinstance(given, (bool, np.bool_)):
-        raise ValueError(f"expected True or False, got {given!r}")
+        raise ValueError(f"expected True or False, got {shown(given)}")
     return bool(given)
+
+
+def whole_seed(given: Any) -> int:
+    """A seed, whichever library's whole number it is."""
+    try:
+        seed = -1 if isinstance(given, (bool, np.bool_)) else operator.index(given)
+    except TypeError:
+        seed = -1
+    if seed < 0:
+        raise ValueError(f"seed: expected a whole number of at least 0, got {shown(given)}")
+    return seed
 
 
 def seed_number(given: Any) -> int:
     """A seed of a state; -1 stands for a generator that was set."""
     if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or given < -1:
-        raise ValueError(f"expected a whole number, got {given!r}")
+        raise ValueError(f"expected a whole number, got {shown(given)}")
     return int(given)
 
 
@@ -547,12 +561,14 @@ def _option(options: Mapping[str, Any], name: str, shape: tuple[int, ...], limit
         if given.dtype.kind not in "iuf":
             raise TypeError
         value = np.broadcast_to(given, shape).astype(float)
-    except (TypeError, ValueError):
+    except UNREADABLE:
         raise ValueError(
-            f"options.{name}: expected numbers that fit shape {shape}, got {options[name]!r}"
+            f"options.{name}: expected numbers that fit shape {shape}, got {shown(options[name])}"
         ) from None
     if not np.isfinite(value).all() or np.abs(value).max() > limit * (1.0 + 1e-9):
-        raise ValueError(f"options.{name}: expected finite numbers within +-{limit:g}, got {options[name]!r}")
+        raise ValueError(
+            f"options.{name}: expected finite numbers within +-{number(limit)}, got {shown(options[name])}"
+        )
     return np.clip(value, -limit, limit)
 
 
@@ -561,15 +577,18 @@ def _seeds(options: Mapping[str, Any], n: int, pool: int) -> list[int] | None:
     given = options.get("realisation_seed")
     if given is None:
         return None
-    seeds = np.asarray(given)
+    try:
+        seeds = np.asarray(given)
+    except UNREADABLE:
+        seeds = np.empty(0)
     if seeds.dtype.kind not in "iu" or seeds.shape not in ((), (n,)) or seeds.min() < 0:
         raise ValueError(
             f"options.realisation_seed: expected one non-negative whole number, or one for each of {n} environments, "
-            f"got {given!r}"
+            f"got {shown(given)}"
         )
     if pool and seeds.max() >= pool:
         raise ValueError(
-            f"options.realisation_seed: the pool holds the realisations of seeds 0 to {pool - 1}, got {given!r}"
+            f"options.realisation_seed: the pool holds the realisations of seeds 0 to {pool - 1}, got {shown(given)}"
         )
     return np.broadcast_to(seeds, (n,)).tolist()
 

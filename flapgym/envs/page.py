@@ -7,6 +7,7 @@ writes `docs/environment.md`, which lists them, and one page for each in `docs/e
 
 from __future__ import annotations
 
+import argparse
 import ast
 import inspect
 import json
@@ -22,6 +23,7 @@ from gymnasium.envs.registration import load_env_creator
 
 from flapgym.atomic import write_together
 from flapgym.envs.registration import ENVIRONMENTS, Registered
+from flapgym.program import Parser, Work, run
 
 _MADE = "<!-- Made by `python -m flapgym.envs.page docs`; edit the docstrings and flapgym/envs/registration.py. -->"
 
@@ -34,6 +36,28 @@ WRAPPERS = (
     "flapgym.envs.sb3.FlapVecEnv",
 )
 """What the index lists beside the environments."""
+CONVENTIONS = """\
+## Where things are, and signs
+
+The azimuth is zero when blade 1 points straight up, and grows as the rotor turns: clockwise for one who stands upwind
+and looks downwind. Blades 2 and 3 are 120 and 240 deg ahead of blade 1: they pass the top in the order 1, 3, 2.
+`azimuth` in `info` is that of blade 1 in radians, 0 to 2 pi; the observation of that name is its cosine and sine.
+
+![The rotor from upwind, the turbine from its side, and a section of blade 1](figures/conventions.png)
+
+| quantity | positive | zero |
+|---|---|---|
+| wind | along the shaft, downwind | mean wind |
+| action, flap acceleration, rate, angle | trailing edge to the upwind, pressure side: more lift | along the chord |
+| root bending moment `rbm` | bends the blade downwind: more lift | steady, in the mean wind with flaps at rest |
+| tip deflection | downwind | steady |
+| tower top, first entry (fore-aft) | downwind | steady |
+| tower top, second entry (sideways) | to the left of one who looks downwind | steady |
+
+More wind and a positive flap angle on all blades raise moment, tip deflection and fore-aft displacement, and push the
+tower top to the right, by the torque on the shaft: its second entry falls. The tower top is told in the fixed frame,
+moments and tip deflections in that of their blade, across the rotor's plane. Gravity is left out, so no load comes once
+a revolution by itself.""".splitlines()
 
 
 def pages(folder: Path) -> dict[str, str]:
@@ -72,7 +96,9 @@ def index_page() -> str:
             "|---|---|",
             *environments,
             "",
-            "Around them fit:",
+            *CONVENTIONS,
+            "",
+            "## Around them fit",
             "",
             "| class | what it does |",
             "|---|---|",
@@ -134,7 +160,7 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
         f"With flaps at rest the root moments have an rms of {still['rbm_rms'] * 1e-6:.3f} MN m and a damage "
         f"equivalent load (DEL) of {still['rbm_del'] * 1e-6:.2f} MN m: means over blades and "
         f"{scores['realisations']} episodes of {scores['seconds']:g} s. "
-        "The shipped agents, made for the base case and unchanged, change that by:"
+        "The shipped agents, made for the base case and unchanged, change these means by:"
     )
     return [
         *textwrap.wrap(text, 120),
@@ -179,13 +205,28 @@ def write(folder: Path) -> None:
     write_together({folder / name: text.encode() for name, text in made.items()})
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the pages below the folder named."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if len(given) != 1 or not Path(given[0]).is_dir():
-        raise SystemExit("usage: python -m flapgym.envs.page FOLDER (an existing one, such as docs)")
-    write(Path(given[0]))
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the pages below the folder named; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    if not options.folder.is_dir():
+        raise ValueError(f"folder: expected an existing one, such as docs, got {options.folder}")
+
+    def work() -> int:
+        write(options.folder)
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m flapgym.envs.page", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="flapgym.envs.page")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the documentation, such as docs")
+    return parser
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

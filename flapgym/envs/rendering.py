@@ -14,6 +14,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
+from flapgym.aeroelastic.nameplate import nameplate
 
 WIDTH, HEIGHT = 640, 480
 SPAN = 20.0
@@ -37,8 +38,10 @@ SHOWN = ("rbm", "flap_angle", "flap_rate", "wind_perturbation", "azimuth")
 HUB: Point = (150.0, 175.0)
 REACH = 125.0
 """Rotor radius on the screen [pixels]."""
-FLAP_SPAN = (0.76, 0.92)
-"""The flap's ends over the rotor radius: 0.7 to 0.9 of the lifting span, which begins at r = 11.75 m of 63 m."""
+BLADE_SPAN = (0.02, 1.0)
+"""Ends of the drawn blade over the rotor radius; its chords, and the flaps', are symbols and no blade's own."""
+WIDEST = 0.2
+"""Where the drawn blade is widest, over the rotor radius."""
 
 
 class Screen:
@@ -55,6 +58,8 @@ class Screen:
 
     def __init__(self, model: TurbineModel, mode: str, period: float) -> None:
         self._model, self._mode, self._period = model, mode, period
+        # A model that does not tell where its flaps are shows their angle along the whole blade.
+        self._flap_span = nameplate(model.case).flap_span or BLADE_SPAN
         self._every = max(1, round(FRAME / period))
         self._history: deque[dict[str, Any]] = deque(maxlen=int(SPAN / (self._every * period)) + 1)
         self._now: dict[str, Any] | None = None
@@ -160,7 +165,10 @@ class Screen:
             (345, 330),
             "wind perturbation [m/s]",
             wind,
-            max(4.0, float(np.abs(wind).max(initial=0.0))),
+            max(
+                3.0 * self._model.turbulence_intensity * self._model.wind_speed,
+                float(np.abs(wind).max(initial=0.0)),
+            ),
             (WIND,),
         )
         for seconds in range(0, int(SPAN) + 1, 5):
@@ -176,10 +184,11 @@ class Screen:
             draw.circle(self._canvas, GREY, HUB, REACH, 1)
         for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
             azimuth = now.get("azimuth", 0.0) + 2.0 * np.pi * blade / 3.0
-            outline = [(0.02, 3.0), (0.2, 5.0), (1.0, 1.5), (1.0, -2.5), (0.2, -13.0), (0.02, -3.0)]
+            root, tip = BLADE_SPAN
+            forward = [(root, 3.0), (WIDEST, 5.0), (tip, 1.5)]
+            outline = [*forward, *((radius, _trailing_edge(radius)) for radius in (tip, WIDEST, root))]
             draw.polygon(self._canvas, BLADE, [_place(azimuth, *corner) for corner in outline])
-            inner, outer = FLAP_SPAN
-            flap = [(inner, -1.0), (outer, -1.0), (outer, -9.0), (inner, -11.0)]
+            flap = flap_outline(*self._flap_span)
             corners = [_place(azimuth, *corner) for corner in flap]
             draw.polygon(self._canvas, _flap_colour(angle / self._model.flap_angle_limit), corners)
             draw.polygon(self._canvas, INK, corners, 1)
@@ -193,8 +202,8 @@ class Screen:
         for step in range(101):
             colour = _flap_colour(step / 50.0 - 1.0)
             self._pygame.draw.line(self._canvas, colour, (100 + step, 376), (100 + step, 386))
-        self._text(f"flap {-limit:.0f}", (50, 375), 16)
-        self._text(f"{limit:+.0f} deg (lift up)", (208, 375), 16)
+        self._text(f"flap {-limit:.3g}", (50, 375), 16)
+        self._text(f"{limit:+.3g} deg (lift up)", (208, 375), 16)
 
     def _trace(
         self,
@@ -228,6 +237,18 @@ class Screen:
 
     def _text(self, text: str, place: Point, size: int, colour: Colour = INK) -> None:
         self._canvas.blit(self._fonts[size].render(text, True, colour), place)
+
+
+def flap_outline(inner: float, outer: float) -> list[Point]:
+    """Corners (over the rotor radius, pixels forward) of a flap between two radii: some pixels behind the blade."""
+    inside = [radius for radius in (WIDEST,) if inner < radius < outer]
+    behind = [(radius, _trailing_edge(radius) - 5.5) for radius in (outer, *inside, inner)]
+    return [(inner, -1.0), (outer, -1.0), *behind]
+
+
+def _trailing_edge(radius: float) -> float:
+    """Pixels forward at which the drawn blade ends, at a fraction of the rotor radius."""
+    return float(np.interp(radius, (BLADE_SPAN[0], WIDEST, BLADE_SPAN[1]), (-3.0, -13.0, -2.5)))
 
 
 def _place(azimuth: float, radius: float, forward: float) -> Point:

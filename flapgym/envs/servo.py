@@ -15,9 +15,9 @@ import numpy as np
 
 from flapgym.state_space import Array
 
-BANDWIDTH = 10.0
-"""Poles of the law for a lagging actuator [rad/s], or the lag's own if that is slower: a way across both stops then
-stays within 600 deg/s^2 and 100 deg/s."""
+PEAK_ACCELERATION, PEAK_RATE = 0.30, 0.35
+"""Of a way of length one behind three equal poles of one, (2 - sqrt 2) exp(sqrt 2 - 2) / sqrt 2 = 0.231 and 2 / e^2 =
+0.271, and room for the steps of an action."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,8 @@ class Servo:
     ----------
     acceleration_limit, rate_limit : float
         [rad/s^2, rad/s].
+    angle_limit : float
+        Stop of the flap to either side [rad]; a way from stop to stop stays within the other two limits.
     period : float
         Time T for which a command is held [s].
     lag : float
@@ -36,6 +38,7 @@ class Servo:
 
     acceleration_limit: float
     rate_limit: float
+    angle_limit: float
     period: float
     lag: float = 0.0
 
@@ -74,6 +77,16 @@ class Servo:
         reached = np.clip(reached, -self.rate_limit, self.rate_limit)
         return np.clip((reached - rate) / self.period, -self.acceleration_limit, self.acceleration_limit)
 
+    @property
+    def bandwidth(self) -> float:
+        """Poles of the law for a lagging actuator [rad/s]: as fast as the stops allow, but not faster than the lag."""
+        way = 2.0 * self.angle_limit
+        return min(
+            (self.acceleration_limit / (PEAK_ACCELERATION * way)) ** 0.5,
+            self.rate_limit / (PEAK_RATE * way),
+            1.0 / self.lag,
+        )
+
     @cached_property
     def _gain(self) -> Array:
         """Feedback (3,) of angle, rate and lagged acceleration, by Ackermann's formula."""
@@ -82,6 +95,6 @@ class Servo:
         late = lag * (1.0 - decay)
         A = np.array([[1.0, T, lag * T - lag * late], [0.0, 1.0, late], [0.0, 0.0, decay]])
         B = np.array([0.5 * T**2 - lag * T + lag * late, T - late, 1.0 - decay])
-        shifted = A - np.exp(-min(BANDWIDTH, 1.0 / lag) * T) * np.eye(3)
+        shifted = A - np.exp(-self.bandwidth * T) * np.eye(3)
         reach = np.stack([B, A @ B, A @ A @ B], axis=1)
         return np.asarray(np.linalg.solve(reach.T, [0.0, 0.0, 1.0]) @ shifted @ shifted @ shifted)

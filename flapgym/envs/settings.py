@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -12,11 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
+from flapgym.aeroelastic.nameplate import nameplate
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
+from flapgym.turbine import BUILT_IN, load_case
 from flapgym.turbulence import gust_of
-from flapgym.turbulence.gusts import is_number
+from flapgym.turbulence.gusts import ROUNDING, ExtremeOperatingGust, Recorded, Sinusoid, is_number
+from flapgym.wording import number, shown
 
+LARGEST_POOL = 1_000_000
+"""Realisations of a pool: each takes some kilobytes from the start and half a megabyte once it has been met."""
 FRACTION = "a fraction of at least 0 and below 1 (0.10 is 10 %)"
 """What a turbulence intensity must be."""
 LIMITS = {
@@ -38,8 +44,8 @@ class Settings:
 
     model: str | os.PathLike[str] | TurbineModel = DEFAULT_MODEL
     wind_speed: float | None = None
-    turbulence_intensity: float | Sequence[float] = 0.10
-    length_scale: float = 147.0
+    turbulence_intensity: float | Sequence[float] | None = None
+    length_scale: float | None = None
     gust: Mapping[str, Any] | None = None
     duration: float = 20.0
     measurement_noise: float = 0.0
@@ -60,34 +66,45 @@ class Settings:
     def __post_init__(self) -> None:
         if not isinstance(self.model, (str, os.PathLike, TurbineModel)):
             raise ValueError(
-                f"model: expected the name of a shipped model or a model file, got {self.model!r}"
+                f"model: expected the name of a shipped model or a model file, got {shown(self.model)}"
             )
         for name in ("full_info", "record_samples"):
             if not isinstance(getattr(self, name), (bool, np.bool_)):
-                raise ValueError(f"{name}: expected True or False, got {getattr(self, name)!r}")
+                raise ValueError(f"{name}: expected True or False, got {shown(getattr(self, name))}")
+            self._take(name, bool(getattr(self, name)))
         for name, (lowest, highest, unit) in LIMITS.items():
             value = getattr(self, name)
-            if value is None and name == "wind_speed":
-                continue
+            if value is None and name in ("wind_speed", "length_scale"):
+                continue  # the model's
             if not is_number(value):
-                raise ValueError(f"{name}: expected a finite number, got {value!r}")
+                raise ValueError(f"{name}: expected a finite number, got {shown(value)}")
+            # As Python's: bounds overflow in NumPy's numbers of few bits.
+            value = value if isinstance(value, int) else float(value)
             if not lowest <= value <= highest:
                 raise ValueError(
-                    f"{name}: expected a number from {lowest:g} to {highest:g}{unit}, got {value!r}"
+                    f"{name}: expected a number from {number(lowest)} to {number(highest)}{unit}, got {shown(value)}"
                 )
-        object.__setattr__(self, "turbulence_intensity", _checked_intensity(self.turbulence_intensity))
+            self._take(name, float(value))
+        if self.turbulence_intensity is not None:
+            self._take("turbulence_intensity", _checked_intensity(self.turbulence_intensity))
         steps = self.steps_per_action
         if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or not 1 <= steps <= 100:
-            raise ValueError(f"steps_per_action: expected a whole number from 1 to 100, got {steps!r}")
+            raise ValueError(f"steps_per_action: expected a whole number from 1 to 100, got {shown(steps)}")
+        # NumPy's own numbers are of few bits, some of them, and overflow when they are counted with.
+        self._take("steps_per_action", int(steps))
         pool = self.realisation_pool
-        if isinstance(pool, bool) or not isinstance(pool, (int, np.integer)) or pool < 0:
-            raise ValueError(f"realisation_pool: expected a whole number of at least 0, got {pool!r}")
+        if isinstance(pool, bool) or not isinstance(pool, (int, np.integer)) or not 0 <= pool <= LARGEST_POOL:
+            raise ValueError(
+                f"realisation_pool: expected a whole number from 0 to {LARGEST_POOL}, got {shown(pool)}"
+            )
+        self._take("realisation_pool", int(pool))
         for name, known in (("precision", PRECISIONS), ("kernel", KERNELS)):
-            if getattr(self, name) not in known:
-                raise ValueError(f"{name}: expected one of {', '.join(known)}, got {getattr(self, name)!r}")
-        object.__setattr__(self, "observe", checked_observe(self.observe))
-        object.__setattr__(self, "stuck_flaps", _three("stuck_flaps", self.stuck_flaps, optional=True))
-        object.__setattr__(self, "flap_effectiveness", _three("flap_effectiveness", self.flap_effectiveness))
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in known:
+                raise ValueError(f"{name}: expected one of {', '.join(known)}, got {shown(value)}")
+        self._take("observe", checked_observe(self.observe))
+        self._take("stuck_flaps", _three("stuck_flaps", self.stuck_flaps, optional=True))
+        self._take("flap_effectiveness", _three("flap_effectiveness", self.flap_effectiveness))
         if not all(0.0 <= factor <= 2.0 for factor in self.flap_effectiveness):
             raise ValueError(
                 f"flap_effectiveness: expected factors from 0 (a floating flap) to 2, got {self.flap_effectiveness}"
@@ -99,18 +116,24 @@ class Settings:
                     f"realisation_pool: expected 0 beside a gust, whose wind no pool holds, got {pool}"
                 )
 
+    def _take(self, name: str, value: object) -> None:
+        """Keep a checked value in its canonical type."""
+        object.__setattr__(self, name, value)
+
     @classmethod
-    def of(cls, keywords: dict[str, Any]) -> Settings:
-        """From an environment's keywords; an unknown one is refused by name."""
+    def of(cls, keywords: dict[str, Any], owner: str) -> Settings:
+        """From the keywords of an environment's class `owner`; an unknown one is refused by name.
+
+        The refusal begins in Python's own words: other libraries look for them to learn what an environment takes.
+        """
         known = [field.name for field in fields(cls)]
         for name in keywords:
-            if name == "max_episode_steps":
-                raise TypeError(
-                    "max_episode_steps: expected duration in its place, the seconds of an episode of every environment"
-                )
             if name not in known:
+                near = difflib.get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}, render_mode"
+                hint = "give duration in its place [s]" if name == "max_episode_steps" else hint
                 raise TypeError(
-                    f"{name}: no such keyword of the environment; known: {', '.join(known)}, render_mode"
+                    f"{owner}.__init__() got an unexpected keyword argument {shown(name)}; {hint}"
                 )
         return cls(**keywords)
 
@@ -124,11 +147,12 @@ class Settings:
         """
         model = self.model if isinstance(self.model, TurbineModel) else load_model(self.model)
         if self.wind_speed is not None and not math.isclose(self.wind_speed, model.wind_speed, rel_tol=1e-9):
-            target = f"{model.name}-{self.wind_speed:g}mps"
+            wanted = number(self.wind_speed)
+            target = f"{model.name}-{wanted}mps"
             raise ValueError(
-                f"wind_speed: model {model.name} was built for {model.wind_speed:g} m/s, got {self.wind_speed:g} m/s; "
-                f'write {target}.toml with base = "nrel5mw-rated", name = "{target}" and in [operating_point] '
-                f'wind_speed = "{self.wind_speed:g} m/s" (above rated wind also pitch and tip_speed_ratio), then '
+                f"wind_speed: model {model.name} was built for {number(model.wind_speed)} m/s, got {wanted} m/s; "
+                f'write {target}.toml with base = "{_base_of(model)}", name = "{target}" and in [operating_point] '
+                f'wind_speed = "{wanted} m/s" (above rated wind also pitch and tip_speed_ratio), then '
                 f"`flapgym build {target}.toml --output {target}.safetensors` and pass "
                 f'model="{target}.safetensors"'
             )
@@ -140,7 +164,7 @@ class Settings:
             if name in TURBINE_ONLY:
                 raise ValueError(f"observe: a single blade has no {name}; leave it out")
         if self.tower_weight:
-            raise ValueError(f"tower_weight: expected 0 for a single blade, got {self.tower_weight!r}")
+            raise ValueError(f"tower_weight: expected 0 for a single blade, got {shown(self.tower_weight)}")
 
     def faults(self, model: TurbineModel) -> Faults:
         """What is wrong with the flaps of a model.
@@ -153,7 +177,7 @@ class Settings:
         for angle in self.stuck_flaps:
             if angle is not None and abs(angle) > model.flap_angle_limit * (1.0 + 1e-9):
                 raise ValueError(
-                    f"stuck_flaps: expected angles within +-{model.flap_angle_limit:.4g} rad, got {angle!r}"
+                    f"stuck_flaps: expected angles within +-{number(model.flap_angle_limit)} rad, got {shown(angle)}"
                 )
         first, second, third = self.stuck_flaps
         one, two, three = self.flap_effectiveness
@@ -165,14 +189,31 @@ class Settings:
         Raises
         ------
         ValueError
-            If the gust's recording does not last as long.
+            If the gust's recording does not last as long, its frequency is above what the samples show, or it wants the
+            size of a turbine that the model's case does not tell.
         """
         if self.gust is None:
             return None
-        dt = model.time_step
-        samples = self.intervals(dt) * self.steps_per_action + 1
+        dt, gust = model.time_step, gust_of(self.gust)
+        action, intervals = self.steps_per_action * dt, self.intervals(dt)
+        if isinstance(gust, Recorded):
+            whole = math.floor((gust.lasts() + ROUNDING) / action)
+            if intervals > whole:
+                raise ValueError(
+                    f"duration: {gust.file} lasts {number(gust.lasts())} s from where the episode begins; expected a "
+                    f"duration of at most {number(whole * action)} s, whole actions of {number(action)} s, or an "
+                    f"earlier gust.start, got {number(self.duration)} s"
+                )
+        samples = intervals * self.steps_per_action + 1
         time = np.arange(-1, samples, dtype=np.float64) * dt
-        wind = gust_of(self.gust).wind(time, model.wind_speed)
+        gust = gust_of(self.gust)
+        if isinstance(gust, ExtremeOperatingGust):
+            plate = nameplate(model.case)
+            diameter = None if plate.rotor_radius is None else 2.0 * plate.rotor_radius
+            gust = gust.on_turbine(diameter, plate.hub_height)
+        elif isinstance(gust, Sinusoid):
+            gust.check_samples(dt)
+        wind = gust.wind(time, model.wind_speed)
         return GivenWind(wind[1:], float(wind[0]))
 
     def delay(self, time_step: float) -> int:
@@ -186,20 +227,21 @@ class Settings:
         steps = round(self.sensor_delay / time_step)
         if not math.isclose(steps * time_step, self.sensor_delay, rel_tol=1e-6, abs_tol=1e-12):
             raise ValueError(
-                f"sensor_delay: expected a multiple of the time step {time_step:g} s, such as "
-                f"{steps * time_step:g} s, got {self.sensor_delay:g} s"
+                f"sensor_delay: expected a multiple of the time step {number(time_step)} s, such as "
+                f"{number(steps * time_step)} s, got {number(self.sensor_delay)} s"
             )
         return steps
 
-    def intensities(self, count: int) -> NDArray[np.float64]:
-        """Turbulence intensity of each of `count` turbines.
+    def intensities(self, count: int, model: TurbineModel) -> NDArray[np.float64]:
+        """Turbulence intensity of each of `count` turbines; the model's own if none is given.
 
         Raises
         ------
         ValueError
             If there is neither one for all nor one for each.
         """
-        given = np.asarray(self.turbulence_intensity)
+        chosen = self.turbulence_intensity
+        given = np.asarray(model.turbulence_intensity if chosen is None else chosen)
         if given.shape not in ((), (count,)):
             raise ValueError(
                 f"turbulence_intensity: expected one number, or one for each of {count} environments, "
@@ -212,15 +254,22 @@ class Settings:
         return max(1, math.ceil(self.duration / (self.steps_per_action * time_step) - 1e-9))
 
 
+def _base_of(model: TurbineModel) -> str:
+    """What a case that differs from a model's in one thing takes as its base."""
+    if model.name in BUILT_IN["case"] and load_case(model.name).hash() == model.inputs_hash:
+        return model.name
+    return f"the case file that {model.name} was built from"
+
+
 def _three(name: str, values: object, optional: bool = False) -> tuple[Any, ...]:
     """One number for each blade, or None where that is allowed."""
     what = "numbers or None" if optional else "numbers"
     if not isinstance(values, (Sequence, np.ndarray)) or isinstance(values, str) or len(values) != 3:
-        raise ValueError(f"{name}: expected three {what}, blade 1 first, got {values!r}")
+        raise ValueError(f"{name}: expected three {what}, blade 1 first, got {shown(values)}")
     for value in values:
         if not ((optional and value is None) or is_number(value)):
-            raise ValueError(f"{name}: expected three finite {what}, blade 1 first, got {values!r}")
-    return tuple(values)
+            raise ValueError(f"{name}: expected three finite {what}, blade 1 first, got {shown(values)}")
+    return tuple(None if value is None else float(value) for value in values)
 
 
 def _checked_intensity(given: Any) -> float | tuple[float, ...]:
@@ -229,22 +278,27 @@ def _checked_intensity(given: Any) -> float | tuple[float, ...]:
     values = list(given) if several else [given]
     for value in values:
         if not is_number(value):
-            raise ValueError(f"turbulence_intensity: expected a finite number, got {value!r}")
+            raise ValueError(f"turbulence_intensity: expected a finite number, got {shown(value)}")
         if not 0.0 <= value < 1.0:
-            raise ValueError(f"turbulence_intensity: expected {FRACTION}, got {value!r}")
-    return tuple(float(value) for value in values) if several else given
+            raise ValueError(f"turbulence_intensity: expected {FRACTION}, got {shown(value)}")
+    return tuple(float(value) for value in values) if several else float(given)
 
 
 def checked_observe(observe: Sequence[str]) -> tuple[str, ...]:
     """The observed quantities as a tuple, or an error that names the one that does not exist."""
-    if not isinstance(observe, Iterable):
-        raise ValueError(f"observe: expected names among {', '.join(QUANTITIES)}, got {observe!r}")
+    if not isinstance(observe, Iterable) or isinstance(
+        observe, (bytes, Set, Mapping)
+    ):  # whose order says nothing
+        raise ValueError(f"observe: expected names among {', '.join(QUANTITIES)}, got {shown(observe)}")
     names = (observe,) if isinstance(observe, str) else tuple(observe)
+    names = tuple(
+        str(name) if isinstance(name, str) else name for name in names
+    )  # NumPy has texts of its own
     if not names:
         raise ValueError(f"observe: expected at least one of {', '.join(QUANTITIES)}, got none")
     for name in names:
         if not isinstance(name, str) or name not in QUANTITIES:
-            raise ValueError(f"observe: expected names among {', '.join(QUANTITIES)}, got {name!r}")
+            raise ValueError(f"observe: expected names among {', '.join(QUANTITIES)}, got {shown(name)}")
     if len(set(names)) != len(names):
         raise ValueError(f"observe: expected each name once, got {', '.join(names)}")
     return names

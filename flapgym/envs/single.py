@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
@@ -23,13 +24,16 @@ from flapgym.envs.fleet import (
     seed_number,
     state_info,
     true_or_false,
+    whole_seed,
 )
 from flapgym.envs.observation import DISPLACEMENTS
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
+from flapgym.envs.spec import completed
 from flapgym.envs.step_info import FullInfo, StepInfo
 from flapgym.plant import layout
 from flapgym.plant.interface import FloatArray, Quick, told
+from flapgym.wording import shown
 
 # Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
 empty, ndarray, FLOAT32, ROW = np.empty, np.ndarray, np.dtype(np.float32), layout.ROW
@@ -60,7 +64,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | name | entries | unit | bound | meaning |
     |---|---|---|---|---|
-    | `rbm` | 3 | MN m | 50 | flapwise root bending moment of blades 1 to 3 |
+    | `rbm` | 3 | MN m | 50, or 40 `rbm_rms` if more | flapwise root bending moment of blades 1 to 3 |
     | `flap_angle` | 3 | rad | angle stop, 0.1745 | flap angle of blades 1 to 3 |
     | `flap_rate` | 3 | rad/s | rate stop, 1.745 | flap rate of blades 1 to 3 |
     | `tip_deflection` | 3 | m | 50 | tip deflection of blades 1 to 3, downwind |
@@ -95,7 +99,10 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Episode End
 
-    `truncated` after `duration`, rounded up to whole actions; `terminated` only if the state ceases to be finite.
+    `truncated` after `duration`, rounded up to whole actions; `terminated` only if the state ceases to be finite. The
+    number of actions stands in `env.spec.max_episode_steps`, for wrappers that tell the time. An environment made again
+    from a specification, `gymnasium.make(env.spec)`, has Gymnasium's own counter around it: it ends there whatever
+    `duration` it is given, and planners that set states take `env.unwrapped`.
 
     ## Information
 
@@ -115,8 +122,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|
     | `model` | `"nrel5mw-corrected"` | name of a shipped model, or a model file of `flapgym build` |
     | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
-    | `turbulence_intensity` | 0.10 | standard deviation over mean wind; 0 is still air; `FlapVectorEnv` takes several |
-    | `length_scale` | 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
+    | `turbulence_intensity` | the model's, 0.10 | over mean wind, rms; 0 is still air; `FlapVectorEnv` takes several |
+    | `length_scale` | the model's, 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
     | `gust` | `None` | a wind beside the turbulence, see below |
     | `duration` | 20.0 | of an episode [s], 0.001 to 100,000 |
     | `measurement_noise` | 0.0 | rms of white noise on the observed RBM [N m], to 5e7; the reward sees none |
@@ -148,13 +155,14 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `"extreme_operating_gust"` | classes, `start` | dip, peak and dip within 10.5 s |
     | `"recorded"` | `file`, `start` | a series from a CSV file |
 
-    `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz. The extreme operating
-    gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class` (`"I"` to `"III"`, default `"I"`) and
-    `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may `rotor_diameter` (126) and `hub_height`
-    (90). A recording has the header `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about the mean wind (also ms,
-    min, h and km/h, kn). Semicolons or tabs may stand for the commas, and decimal commas for points then; times may be
-    dates of ISO 8601 under the header `time`, counted in seconds from the first. It is linear between its samples and
-    must last for the episode, which begins at its moment `start`, by default its first.
+    `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz or half that of the
+    plant's steps. The extreme operating gust is that of IEC 61400-1:2005 (third edition), 6.3.2.2; its `turbine_class`
+    (`"I"` to `"III"`, default `"I"`) and `turbulence_class` (`"A"` to `"C"`, default `"A"`) may be given, as may
+    `rotor_diameter` and `hub_height` [m] in place of the turbine's own. A recording has the header
+    `time [s], wind [m/s]`, or `wind_perturbation [m/s]` about the mean wind (also ms, min, h and km/h, kn). Semicolons
+    or tabs may stand for the commas, and decimal commas for points then; times may be dates of ISO 8601 under the
+    header `time`, counted in seconds from the first. It is linear between its samples and must last for the episode,
+    which begins at its moment `start`, by default its first.
 
     ## Version History
 
@@ -166,12 +174,15 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 (Gymnasium's form)
 
     single_blade = False
+    _spec: EnvSpec | None = None
 
     def __init__(self, render_mode: str | None = None, **keywords: Any) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {render_mode!r}')
+        if render_mode is not None and (
+            not isinstance(render_mode, str) or render_mode not in self.metadata["render_modes"]
+        ):
+            raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {shown(render_mode)}')
         self.render_mode = render_mode
-        self.settings = Settings.of(keywords)
+        self.settings = Settings.of(keywords, type(self).__name__)
         self._fleet = Fleet(self.settings, 1, self.single_blade, self.settings.full_info)
         self.observation_space = self._fleet.observation_space
         self.action_space = self._fleet.action_space
@@ -192,13 +203,23 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """The turbine model behind the environment."""
         return self._fleet.model
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What makes such an environment again, with the number of actions of an episode."""
+        return completed(self._spec, self._fleet.setup.intervals)
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Info]:
         """Begin an episode; see Starting State for the options."""
         turbine = np.zeros(1, dtype=np.int64)
+        given = None if seed is None else whole_seed(seed)
         chosen = self._fleet.chosen(turbine, options)  # before the seed, which a refused reset must not take
-        super().reset(seed=seed)
+        super().reset(seed=given)
         observation, rows = self._fleet.begin(turbine, [self.np_random], chosen)
         self._running = True
         info: Info = {

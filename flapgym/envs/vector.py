@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.envs.fleet import (
+    UNREADABLE,
     Fleet,
     Info,
     each_of,
@@ -24,13 +26,18 @@ from flapgym.envs.fleet import (
     seed_number,
     state_info,
     true_or_false,
+    whole_seed,
 )
 from flapgym.envs.rendering import SHOWN, Screen
 from flapgym.envs.settings import Settings
+from flapgym.envs.spec import completed
 from flapgym.plant.states import checked_observation
 from flapgym.state_space import Array
+from flapgym.wording import number, shown
 
 Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
+MOST_TURBINES = 1_000_000
+"""Beyond, a count is a slip: each takes some hundred kilobytes."""
 NO_TURBINES = np.empty(0, dtype=np.int64)
 
 
@@ -57,6 +64,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     """
 
     single_blade = False
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -65,20 +73,42 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         render_mode: str | None = None,
         **keywords: Any,
     ) -> None:
-        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
-            raise ValueError(f"num_envs: expected a whole number of at least 1, got {num_envs!r}")
-        if render_mode not in (None, "rgb_array"):
+        whole = isinstance(num_envs, (int, np.integer)) and not isinstance(num_envs, bool)
+        # NumPy's own may be of eight bits, and overflow when counted with.
+        num_envs = int(num_envs) if whole else num_envs
+        if not whole or not 1 <= num_envs <= MOST_TURBINES:
             raise ValueError(
-                f'render_mode: expected None or "rgb_array", got {render_mode!r}; a window shows a FlapEnv'
+                f"num_envs: expected a whole number from 1 to {MOST_TURBINES}, got {shown(num_envs)}"
+            )
+        if not (render_mode is None or (isinstance(render_mode, str) and render_mode == "rgb_array")):
+            raise ValueError(
+                f'render_mode: expected None or "rgb_array", got {shown(render_mode)}; a window shows a FlapEnv'
             )
         modes = [mode.value for mode in AutoresetMode]
-        if autoreset_mode not in (*AutoresetMode, *modes):
-            raise ValueError(f"autoreset_mode: expected one of {', '.join(modes)}, got {autoreset_mode!r}")
-        self.num_envs = int(num_envs)
+        if not isinstance(autoreset_mode, (str, AutoresetMode)) or autoreset_mode not in (
+            *AutoresetMode,
+            *modes,
+        ):
+            raise ValueError(
+                f"autoreset_mode: expected one of {', '.join(modes)}, got {shown(autoreset_mode)}"
+            )
+        self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.settings = Settings.of(keywords)
-        self._fleet = Fleet(self.settings, num_envs, self.single_blade)
+        # `make_vec` of a specification hands its limit on.
+        limit = keywords.pop("max_episode_steps", None)
+        self.settings = Settings.of(keywords, type(self).__name__)
+        try:
+            self._fleet = Fleet(self.settings, num_envs, self.single_blade)
+        except MemoryError as error:
+            raise ValueError(
+                f"num_envs: {num_envs} turbines do not fit into memory ({error}); take fewer"
+            ) from None
+        if limit is not None and limit != self._fleet.setup.intervals:
+            raise ValueError(
+                f"max_episode_steps: expected {self._fleet.setup.intervals}, the actions of the duration of "
+                f"{number(self.settings.duration)} s, or none, got {shown(limit)}; give duration in its place"
+            )
         period = self._fleet.action_time
         self.metadata = {
             "render_modes": ["rgb_array"],
@@ -103,6 +133,15 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         """The turbine model behind the environments."""
         return self._fleet.model
 
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What makes such an environment again, with the number of actions of an episode."""
+        return completed(self._spec, self._fleet.setup.intervals)
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec
+
     @property  # type: ignore[override]
     def np_random(self) -> tuple[np.random.Generator, ...]:
         """One generator per environment."""
@@ -113,7 +152,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         if len(generators) != self.num_envs or not all(
             isinstance(each, np.random.Generator) for each in generators
         ):
-            raise ValueError(f"np_random: expected {self.num_envs} numpy generators, got {generators!r}")
+            raise ValueError(f"np_random: expected {self.num_envs} numpy generators, got {shown(generators)}")
         self._generators, self._seeds = list(generators), [-1] * self.num_envs
 
     @property
@@ -288,30 +327,37 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         """A seed for every environment, None where none is given."""
         if seed is None:
             return [None] * self.num_envs
-        if isinstance(seed, (int, np.integer)) and seed >= 0:
-            return [int(seed) + index for index in range(self.num_envs)]
-        each = list(seed) if isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, str) else []
-        if len(each) != self.num_envs or not all(
-            entry is None or (isinstance(entry, (int, np.integer)) and entry >= 0) for entry in each
-        ):
+        listed = isinstance(seed, Sequence) and not isinstance(seed, (str, bytes))
+        several = listed or (isinstance(seed, np.ndarray) and seed.ndim == 1)
+        try:
+            if not several:
+                first = whole_seed(seed)
+                return [first + index for index in range(self.num_envs)]
+            each = [None if entry is None else whole_seed(entry) for entry in seed]  # type: ignore[union-attr]
+        except ValueError:
+            each = []
+        if len(each) != self.num_envs:
             raise ValueError(
                 f"seed: expected one whole number of at least 0, or a list of {self.num_envs} of them or None, "
-                f"got {seed!r}"
+                f"got {shown(seed)}"
             )
-        return [None if entry is None else int(entry) for entry in each]
+        return each
 
 
 def checked_mask(options: Mapping[str, Any] | None, count: int) -> NDArray[np.bool_]:
     """The environments of a reset's `options["reset_mask"]`, (count,); all without one."""
     if options is not None and not isinstance(options, Mapping):
-        raise ValueError(f'options: expected a dict, such as {{"reset_mask": mask}}, got {options!r}')
+        raise ValueError(f'options: expected a dict, such as {{"reset_mask": mask}}, got {shown(options)}')
     given = None if options is None else options.get("reset_mask")
     if given is None:
         return np.ones(count, dtype=bool)
-    mask = np.asarray(given)
+    try:
+        mask = np.asarray(given)
+    except UNREADABLE:
+        mask = np.empty(0)
     if mask.shape != (count,) or mask.dtype != np.bool_ or not mask.any():
         raise ValueError(
-            f'options["reset_mask"]: expected {count} booleans of which one at least is true, got {given!r}'
+            f'options["reset_mask"]: expected {count} booleans of which one at least is true, got {shown(given)}'
         )
     return mask
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -104,7 +105,9 @@ class VectorResidual(VectorWrapper[Observation, Any, Observation, Any, Any]):
         Where one environment begins or ends an episode, the others' correction is held no longer either.
     """
 
-    def __init__(self, env: Vector, agent: str | Agent, scale: float = 0.5, hold: int = 1) -> None:
+    def __init__(
+        self, env: Vector, agent: str | os.PathLike[str] | Agent, scale: float = 0.5, hold: int = 1
+    ) -> None:
         super().__init__(env)
         self.agent, self._columns = fitted_agent(agent, env.unwrapped)
         self.scale, self.hold = checked_scale(scale), checked_hold(hold)

@@ -20,12 +20,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aeroelastic.multiblade import BLADES
 from flapgym.control import load_agent
-from flapgym.control.agent import Agent, Floats
+from flapgym.control.agent import Agent, Floats, check_time_step
 from flapgym.envs.fleet import numbers, read_entry
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.envs.servo import Servo
+from flapgym.envs.spec import plain
 from flapgym.plant.states import checked_numbers, checked_observation
 from flapgym.state_space import Array
+from flapgym.turbulence.gusts import is_number
+from flapgym.wording import shown
 
 Observation = NDArray[np.float32]
 Step = tuple[Observation, float, bool, bool, dict[str, Any]]
@@ -111,11 +114,11 @@ class Residual(
     def __init__(
         self,
         env: gymnasium.Env[Observation, Any],
-        agent: str | Agent,
+        agent: str | os.PathLike[str] | Agent,
         scale: float = 0.5,
         hold: int = 1,
     ) -> None:
-        RecordConstructorArgs.__init__(self, agent=agent, scale=scale, hold=hold)
+        RecordConstructorArgs.__init__(self, **plain({"agent": agent, "scale": scale, "hold": hold}))
         gymnasium.Wrapper.__init__(self, env)
         self.agent, self._columns = fitted_agent(agent, env.unwrapped)
         self.scale, self.hold = checked_scale(scale), checked_hold(hold)
@@ -183,7 +186,7 @@ def check_agent(state: Mapping[str, Any], own: Mapping[str, Any]) -> None:
     for name, value in own.items():
         if entry.get(name) != value:
             raise ValueError(
-                f"state: agent: made by one with {name} {entry.get(name)!r}, this one has {value!r}"
+                f"state: agent: made by one with {name} {shown(entry.get(name))}, this one has {shown(value)}"
             )
 
 
@@ -225,10 +228,11 @@ def servo_of(base: Any) -> Servo:
     """The inner loop that fits an unwrapped environment."""
     model = flap_model(base)
     period = base.settings.steps_per_action * model.time_step
-    return Servo(model.acceleration_limit, model.flap_rate_limit, period, base.settings.actuator_lag)
+    limits = model.acceleration_limit, model.flap_rate_limit, model.flap_angle_limit
+    return Servo(*limits, period, base.settings.actuator_lag)
 
 
-def fitted_agent(agent: str | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]]:
+def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]]:
     """The agent, and which of the environment's observations it reads.
 
     Raises
@@ -269,6 +273,7 @@ def fitted_agent(agent: str | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]
             f"agent {agent.name} holds an action for {agent.steps_per_action} plant steps, the environment for "
             f"{settings.steps_per_action}: make it with steps_per_action={agent.steps_per_action}"
         )
+    check_time_step(agent, model.time_step)
     columns = np.array([index for name in agent.observe for index in places[name]])
     if base.single_blade:
         agent = OneBlade(agent) if getattr(agent, "per_blade", False) else agent
@@ -321,7 +326,7 @@ def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> Array:
     """An action as float; anything but finite numbers of the right shape is refused."""
     values = numbers(action, shape).astype(float)
     if not np.isfinite(values).all():
-        raise ValueError(f"action: expected finite numbers, got {action!r}")
+        raise ValueError(f"action: expected finite numbers, got {shown(action)}")
     return values
 
 
@@ -333,13 +338,13 @@ def averaged(infos: list[dict[str, Any]]) -> dict[str, Any]:
 
 def checked_scale(scale: float) -> float:
     """A positive finite scale."""
-    if not (isinstance(scale, (int, float)) and not isinstance(scale, bool) and 0.0 < scale < np.inf):
-        raise ValueError(f"scale: expected a positive number, got {scale!r}")
+    if not (is_number(scale) and scale > 0.0):
+        raise ValueError(f"scale: expected a positive number, got {shown(scale)}")
     return float(scale)
 
 
 def checked_hold(hold: int) -> int:
     """A whole number of at least one."""
     if isinstance(hold, bool) or not isinstance(hold, (int, np.integer)) or hold < 1:
-        raise ValueError(f"hold: expected a whole number of at least 1, got {hold!r}")
+        raise ValueError(f"hold: expected a whole number of at least 1, got {shown(hold)}")
     return int(hold)

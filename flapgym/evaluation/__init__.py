@@ -1,6 +1,6 @@
 """Metrics, damage-equivalent loads and the paired comparison of agents on the same wind (paper section IV.C)."""
 
-from flapgym.evaluation.bootstrap import Estimate, paired_change
+from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.compare import (
     SCORED_SEED,
     Comparison,
@@ -10,7 +10,14 @@ from flapgym.evaluation.compare import (
     plan,
     run,
 )
-from flapgym.evaluation.metrics import Metrics, Record, damage_equivalent_load, measure, root_mean_square
+from flapgym.evaluation.metrics import (
+    Metrics,
+    Record,
+    damage_equivalent_load,
+    measure,
+    root_mean_square,
+    summed_damage_load,
+)
 from flapgym.evaluation.report import as_json, as_markdown, as_text, writable_folder, write_report
 from flapgym.evaluation.simulate import simulate
 
@@ -33,6 +40,8 @@ __all__ = [
     "root_mean_square",
     "run",
     "simulate",
+    "summed_damage_change",
+    "summed_damage_load",
     "writable_folder",
     "write_report",
 ]

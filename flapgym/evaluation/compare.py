@@ -10,14 +10,18 @@ import numpy as np
 from tqdm import tqdm
 
 from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
+from flapgym.aeroelastic.nameplate import Nameplate, nameplate
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
+from flapgym.control.agent import check_time_step
 from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
 from flapgym.envs.observation import QUANTITIES
-from flapgym.evaluation.bootstrap import Estimate, paired_change
-from flapgym.evaluation.metrics import Metrics, Record, measure
+from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
+from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.report import FILES, writable_folder, write_report
 from flapgym.evaluation.simulate import BATCH, simulate
+from flapgym.turbine.fields import Count, Quantity
+from flapgym.wording import shown
 
 SCORED_SEED = 1_000_000
 """First seed of the scored realisations: tuning and training keep away from this and the next thousand."""
@@ -25,6 +29,7 @@ SCORED_SEED = 1_000_000
 PAPER_REALISATIONS = 5
 MOST_REALISATIONS = 1000
 """As many seeds as are kept for scoring."""
+LARGEST_SEED = 2**63
 LONGEST = 3600.0
 """Longest realisation [s]: a batch of its samples is held in memory."""
 PAPER_LENGTH = 20.0
@@ -38,9 +43,13 @@ class Score:
     Attributes
     ----------
     rbm_rms_change, tip_rms_change, rbm_del_change, tower_rms_change : Estimate
-        Paired change against open loop, a fraction, negative is a reduction.
+        Paired change against open loop, a fraction, negative is a reduction: mean of the realisations' ratios.
+    rbm_del_summed_change : Estimate
+        The same of `rbm_del`, the damage summed over all realisations: those of the largest loads decide.
     rbm_rms : float
         Mean over blades and realisations [N m].
+    rbm_del : float
+        Damage-equivalent load of all blades and realisations together, from their summed damage [N m].
     flap_angle_max, flap_rate_max : float
         Over everything [rad, rad/s].
     flap_travel : float
@@ -52,8 +61,10 @@ class Score:
     rbm_rms_change: Estimate
     tip_rms_change: Estimate
     rbm_del_change: Estimate
+    rbm_del_summed_change: Estimate
     tower_rms_change: Estimate
     rbm_rms: float
+    rbm_del: float
     flap_angle_max: float
     flap_rate_max: float
     flap_travel: float
@@ -74,6 +85,8 @@ class Comparison:
         What grows in the linear loop, by name of those agents in whose loop something does; the stops, left out there,
         bound it in the scores.
     model_name, model_hash : str
+    nameplate : Nameplate
+        Of the model's turbine.
     realisations : int
     seed : int
         Of the first realisation; the next have the next.
@@ -81,6 +94,8 @@ class Comparison:
         Of each realisation [s].
     rotor_speed : float
         [rad/s].
+    flap_angle_limit : float
+        [rad].
     """
 
     scores: dict[str, Score]
@@ -88,10 +103,12 @@ class Comparison:
     growths: dict[str, Growth]
     model_name: str
     model_hash: str
+    nameplate: Nameplate
     realisations: int
     seed: int
     duration: float
     rotor_speed: float
+    flap_angle_limit: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,12 +146,10 @@ def plan(
     ValueError, FileNotFoundError
         Naming the agent, model or option at fault.
     """
-    if not 1 <= realisations <= MOST_REALISATIONS:
-        raise ValueError(f"realisations: expected 1 to {MOST_REALISATIONS}, got {realisations}")
-    if seed < 0:
-        raise ValueError(f"seed: expected a whole number >= 0, got {seed}")
-    if duration is not None and not 1.0 <= duration <= LONGEST:
-        raise ValueError(f"duration: expected 1 to {LONGEST:.0f} s, got {duration}")
+    realisations = Count(at_least=1, at_most=MOST_REALISATIONS).check(realisations, "realisations")
+    seed = Count(at_least=0, at_most=LARGEST_SEED).check(seed, "seed")
+    if duration is not None:
+        Quantity("time", at_least=1.0, at_most=LONGEST).check(duration, "duration")
     if not isinstance(model, TurbineModel):
         model = load_model(model)
     if duration is None:
@@ -160,10 +175,12 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
         growths={name: grows for name, grows in growths.items() if grows is not None},
         model_name=model.name,
         model_hash=model.hash,
+        nameplate=nameplate(model.case),
         realisations=len(seeds),
         seed=seeds[0],
         duration=duration,
         rotor_speed=model.rotor_speed,
+        flap_angle_limit=model.flap_angle_limit,
     )
 
 
@@ -212,10 +229,16 @@ def compare(
 
 def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
     """Agents ready to run, open loop first; two of one name would share a row."""
+    if not isinstance(agents, Sequence) or isinstance(agents, str | bytes):
+        raise ValueError(
+            f"agents: expected a list of names, files or agents, in the table's order, got {shown(agents)}"
+        )
     found = [load_agent(a, model) if isinstance(a, str | os.PathLike) else a for a in agents]
     for agent in found:
         check_agent(agent, QUANTITIES)
     ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if not isinstance(agent, OpenLoop)))
+    for agent in ordered:
+        check_time_step(agent, model.time_step)
     names = [agent.name for agent in ordered]
     for name in names:
         if names.count(name) > 1:
@@ -263,8 +286,10 @@ def _score(agent: Agent, model: TurbineModel, metrics: dict[str, Metrics]) -> Sc
         rbm_rms_change=paired_change(ours.rbm_rms, reference.rbm_rms),
         tip_rms_change=paired_change(ours.tip_rms, reference.tip_rms),
         rbm_del_change=paired_change(ours.rbm_del, reference.rbm_del),
+        rbm_del_summed_change=summed_damage_change(ours.rbm_del, reference.rbm_del),
         tower_rms_change=paired_change(ours.tower_rms, reference.tower_rms),
         rbm_rms=float(ours.rbm_rms.mean()),
+        rbm_del=float(summed_damage_load(ours.rbm_del)),
         flap_angle_max=float(ours.flap_angle_max.max()),
         flap_rate_max=float(ours.flap_rate_max.max()),
         flap_travel=float(ours.flap_travel.mean()),

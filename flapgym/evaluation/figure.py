@@ -43,11 +43,11 @@ def draw_figure(comparison: Comparison, file_format: str = "png") -> bytes:
         closed.tip_deflection[0, :, 0],
         "tip deflection [m]",
     )
-    _flap(axes[2], cycles, closed)
+    _flap(axes[2], cycles, closed, comparison.flap_angle_limit)
     _pair(axes[3], cycles, open_loop.tower_fore_aft[0], closed.tower_fore_aft[0], "tower-top fore-aft [m]")
     axes[3].set_xlabel("rotor revolutions")
     axes[0].set_title(
-        f"{comparison.model_name}: blade 1, realisation {comparison.seed}",
+        f"{comparison.model_name} ({comparison.nameplate.size}): blade 1, realisation {comparison.seed}",
         loc="left",
         fontsize=10,
         parse_math=False,  # a name may hold a dollar
@@ -71,10 +71,11 @@ def _pair(axis: Axes, cycles: np.ndarray, without: np.ndarray, with_flap: np.nda
     axis.set_ylabel(label)
 
 
-def _flap(axis: Axes, cycles: np.ndarray, closed: Record) -> None:
+def _flap(axis: Axes, cycles: np.ndarray, closed: Record, angle_limit: float) -> None:
     axis.plot(cycles, np.rad2deg(closed.flap_angle[0, :, 0]), color=CLOSED, linewidth=0.9)
     axis.set_ylabel("flap angle [deg]", color=CLOSED)
-    axis.set_ylim(-11.0, 11.0)
+    stop = 1.1 * float(np.rad2deg(angle_limit))
+    axis.set_ylim(-stop, stop)
     inflow = axis.twinx()
     inflow.plot(cycles, closed.wind[0], color=INFLOW, linewidth=0.6, alpha=0.5)
     inflow.set_ylabel("change in inflow [m/s]", color=INFLOW)

@@ -8,6 +8,8 @@ import numpy as np
 import rainflow
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.turbine.fields import Numbers, Quantity
+
 FATIGUE_SLOPE = 10.0
 """Slope of the S-N curve, typical of composite blades (the paper's choice)."""
 
@@ -70,7 +72,14 @@ class Metrics:
 
 
 def measure(record: Record) -> Metrics:
-    """All metrics of a record."""
+    """All metrics of a record.
+
+    Raises
+    ------
+    ValueError
+        If a series holds what is no finite number, or has another shape than the moments.
+    """
+    _check(record)
     duration = (record.flap_angle.shape[1] - 1) * record.time_step
     path = np.abs(np.diff(record.flap_angle, axis=1)).sum(axis=1).mean(axis=1)
     return Metrics(
@@ -91,7 +100,8 @@ def measure(record: Record) -> Metrics:
 
 def root_mean_square(series: ArrayLike, axis: int = -1) -> NDArray[np.float64]:
     """Root mean square about zero along `axis`."""
-    return np.sqrt(np.mean(np.square(np.asarray(series, dtype=float)), axis=axis))
+    values = Numbers().check(series, "root_mean_square.series")
+    return np.sqrt(np.mean(np.square(values), axis=axis))
 
 
 def damage_equivalent_load(
@@ -103,7 +113,7 @@ def damage_equivalent_load(
     """Range of the sinusoid at `equivalent_frequency` that does the damage of the series, in the series' unit.
 
     (sum n_i S_i^m / (f_eq T))^(1/m) over the rainflow cycles of range S_i, n_i = 1/2 or 1 (ASTM E1049-85), with
-    T the series' duration and no binning.
+    T the series' duration and no binning. A series that only rises or only falls is half a cycle of its range.
 
     Parameters
     ----------
@@ -115,19 +125,47 @@ def damage_equivalent_load(
         S-N slope m.
     equivalent_frequency : float
         [Hz].
+
+    Raises
+    ------
+    ValueError
+        If an entry is masked or no finite number, or another argument is not positive.
     """
-    values = np.asarray(series, dtype=float)
-    cycles = np.array(
-        [(span, count) for span, _, count, _, _ in rainflow.extract_cycles(turning_points(values))]
-    )
-    if not cycles.size:
-        return 0.0
-    largest = cycles[:, 0].max()
+    name = "damage_equivalent_load"
+    values = Numbers(axes=1).check(series, f"{name}.series")
+    Quantity("time", above=0.0).check(time_step, f"{name}.time_step")
+    Quantity("number", above=0.0).check(slope, f"{name}.slope")
+    Quantity("frequency", above=0.0).check(equivalent_frequency, f"{name}.equivalent_frequency")
+    ranges, counts = rainflow_cycles(values)
+    largest = ranges.max(initial=0.0)
     if largest == 0.0:
         return 0.0
     # Powers of the ratio to the largest range: S^10 of a load in N m would waste the exponent.
-    damage = np.sum(cycles[:, 1] * (cycles[:, 0] / largest) ** slope)
+    damage = np.sum(counts * (ranges / largest) ** slope)
     return float(largest * (damage / (equivalent_frequency * values.size * time_step)) ** (1.0 / slope))
+
+
+def summed_damage_load(
+    loads: ArrayLike, slope: float = FATIGUE_SLOPE, axis: int | tuple[int, ...] | None = None
+) -> NDArray[np.float64]:
+    """Damage-equivalent load of histories of one length together: damage adds, S-N slope m, loads as their m-th power.
+
+    (mean of L_i^m)^(1/m) along `axis`, by default over all.
+    """
+    values = Numbers(at_least=0.0).check(loads, "summed_damage_load.loads")
+    Quantity("number", above=0.0).check(slope, "summed_damage_load.slope")
+    largest = values.max() or 1.0
+    return np.asarray(largest * np.mean((values / largest) ** slope, axis=axis) ** (1.0 / slope))
+
+
+def rainflow_cycles(series: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ranges of the cycles of a series and their counts, 1/2 or 1."""
+    points = turning_points(series)
+    if points.size < 3:  # the library counts only what turns back
+        return np.abs(np.diff(points)), np.full(points.size - 1, 0.5)
+    cycles = [(span, count) for span, _, count, _, _ in rainflow.extract_cycles(points)]
+    ranges, counts = np.array(cycles).T
+    return ranges, counts
 
 
 def turning_points(series: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -138,3 +176,14 @@ def turning_points(series: NDArray[np.float64]) -> NDArray[np.float64]:
     direction = np.sign(np.diff(distinct))
     inner = direction[:-1] != direction[1:]
     return distinct[np.concatenate([[True], inner, [True]])]
+
+
+def _check(record: Record) -> None:
+    """Refuse a record whose series do not belong together or hold what is no load."""
+    Quantity("time", above=0.0).check(record.time_step, "record.time_step")
+    blades = Numbers(axes=3).check(record.rbm, "record.rbm").shape
+    for name in ("tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "tower_side_side", "wind"):
+        shape = blades if name in ("tip_deflection", "flap_angle", "flap_rate") else blades[:2]
+        found = Numbers().check(getattr(record, name), f"record.{name}").shape
+        if found != shape:
+            raise ValueError(f"record.{name}: expected shape {shape}, as of the moments, got {found}")

@@ -17,6 +17,8 @@ import numpy as np
 from flapgym.atomic import check_target, write_together
 from flapgym.evaluation.bootstrap import Estimate
 from flapgym.evaluation.figure import draw_figure, figure_is_possible
+from flapgym.evaluation.metrics import EQUIVALENT_FREQUENCY, FATIGUE_SLOPE
+from flapgym.wording import number
 
 if TYPE_CHECKING:
     from flapgym.evaluation.compare import Comparison, Score
@@ -25,6 +27,7 @@ CHANGES = {
     "rbm_rms_change": "RBM rms",
     "tip_rms_change": "tip rms",
     "rbm_del_change": "RBM DEL",
+    "rbm_del_summed_change": "RBM DEL, damage summed",
     "tower_rms_change": "tower rms",
 }
 FEW = 10
@@ -48,8 +51,9 @@ def writable_folder(output: str | os.PathLike[str], files: Iterable[str] = ()) -
     return folder
 
 
-def write_report(comparison: Comparison, folder: Path) -> None:
+def write_report(comparison: Comparison, folder: str | os.PathLike[str]) -> None:
     """Write compare.json, .csv, .md and, where matplotlib is installed, .png: all of them or none."""
+    folder = Path(folder)
     document = json.dumps(as_json(comparison), indent=2, allow_nan=False) + "\n"
     contents = [document.encode(), as_csv(comparison).encode(), as_markdown(comparison).encode()]
     if figure_is_possible():
@@ -60,7 +64,13 @@ def write_report(comparison: Comparison, folder: Path) -> None:
 def as_json(comparison: Comparison) -> dict[str, Any]:
     """Plain values in SI units; changes are fractions of open loop."""
     return {
-        "model": {"name": comparison.model_name, "hash": comparison.model_hash},
+        "model": {
+            "name": comparison.model_name,
+            "hash": comparison.model_hash,
+            "turbine": comparison.nameplate.turbine,
+            "rotor_radius": comparison.nameplate.rotor_radius,
+            "hub_height": comparison.nameplate.hub_height,
+        },
         "realisations": comparison.realisations,
         "seed": comparison.seed,
         "duration": comparison.duration,
@@ -119,14 +129,14 @@ def as_text(comparison: Comparison) -> str:
 
 def _cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
     header = ["agent", *(f"{label} [%]" for label in CHANGES.values())]
-    header += ["RBM rms [MN m]", "max angle [deg]", "max rate [deg/s]", "travel [deg/s]"]
+    header += ["RBM rms [MN m]", "RBM DEL [MN m]", "max angle [deg]", "max rate [deg/s]", "travel [deg/s]"]
     return header, [_row(name, score) for name, score in comparison.scores.items()]
 
 
 def _row(name: str, score: Score) -> list[str]:
     cells = [name if score.made_for_this_model else f"{name} *"]
     cells += [_percent(getattr(score, field)) for field in CHANGES]
-    cells.append(f"{score.rbm_rms / 1e6:.3f}")
+    cells += [f"{value / 1e6:.3f}" for value in (score.rbm_rms, score.rbm_del)]
     cells += [
         f"{np.rad2deg(value):.2f}" for value in (score.flap_angle_max, score.flap_rate_max, score.flap_travel)
     ]
@@ -145,13 +155,17 @@ def _caption(comparison: Comparison) -> str:
     count = comparison.realisations
     return (
         f"Change against open loop on the same {count} realisation{'s' if count > 1 else ''} of "
-        f"{comparison.duration:.0f} s, model {comparison.model_name} ({comparison.model_hash[:12]}): "
-        "mean over blades and realisations, 95 % paired bootstrap interval."
+        f"{comparison.duration:.0f} s, model {comparison.model_name} ({comparison.model_hash[:12]}), "
+        f"turbine {comparison.nameplate.size}: "
+        "mean of the ratios over blades and realisations, 95 % paired bootstrap interval."
     )
 
 
 def _remarks(comparison: Comparison) -> list[str]:
-    remarks = []
+    remarks = [
+        f"DEL: damage-equivalent load, S-N slope {number(FATIGUE_SLOPE)}, {number(EQUIVALENT_FREQUENCY)} Hz. With the "
+        "damage summed over all realisations first, those of the largest loads decide, as in a lifetime."
+    ]
     if comparison.realisations == 1:
         remarks.append("One realisation gives no interval.")
     elif comparison.realisations < FEW:

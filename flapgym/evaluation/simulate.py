@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from typing import Any
 
 import numpy as np
 
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop
+from flapgym.control.agent import check_time_step
 from flapgym.envs import FlapVectorEnv
 from flapgym.evaluation.metrics import Record
+from flapgym.turbine.fields import Quantity
+from flapgym.wording import shown
 
 BATCH = 10
 """Realisations run side by side: more of them would hold gigabytes of samples."""
@@ -43,6 +46,10 @@ def simulate(
     **settings
         Further keywords of the environment, as `measurement_noise`; turbulence is the model's own unless given.
     """
+    if isinstance(seeds, Set) or not len(seeds):
+        raise ValueError(f"simulate.seeds: expected a list of one or more, got {shown(seeds)}")
+    Quantity("time", above=0.0).check(duration, "simulate.duration")
+    check_time_step(agent, model.time_step)
     environment = FlapVectorEnv(
         num_envs=len(seeds),
         model=model,
@@ -51,10 +58,7 @@ def simulate(
         # Whole intervals that cover the duration: agents of other intervals must not end early.
         duration=duration + agent.steps_per_action * model.time_step,
         record_samples=True,
-        **(
-            {"turbulence_intensity": model.turbulence_intensity, "length_scale": model.length_scale}
-            | settings
-        ),
+        **settings,
     )
     kept = round(duration / model.time_step)
     pieces: dict[str, list[np.ndarray]] = {name: [] for name in _SAMPLES}

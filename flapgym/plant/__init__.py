@@ -12,6 +12,8 @@ from flapgym.plant.interface import GivenWind, Interval, Plant, Setup, Start, Ta
 from flapgym.plant.kernel import prepare
 from flapgym.plant.lifted_plant import LiftedPlant
 from flapgym.plant.periodic_plant import PeriodicPlant
+from flapgym.turbine.fields import Count
+from flapgym.wording import shown
 
 __all__ = [
     "KERNELS",
@@ -46,10 +48,11 @@ def make_plant(model: TurbineModel, count: int, setup: Setup, task: Task) -> Pla
     """
     for name, known in (("kernel", KERNELS), ("precision", PRECISIONS)):
         if getattr(setup, name) not in known:
-            raise ValueError(f"{name}: expected one of {', '.join(known)}, got {getattr(setup, name)!r}")
+            raise ValueError(f"{name}: expected one of {', '.join(known)}, got {shown(getattr(setup, name))}")
     compiled = importlib.util.find_spec("numba") is not None
     if setup.kernel == "numba" and not compiled:
         raise ImportError('kernel: numba is not installed; pip install "flapgym[fast]", or take "numpy"')
+    Count(at_least=1).check(count, "make_plant.count")
     plant = _of_model(model, count, setup, task, compiled and setup.kernel != "numpy")
     return DelayedPlant(plant, task, setup.delay) if setup.delay else plant
 

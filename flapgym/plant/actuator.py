@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flapgym.plant.layout import TOUCH
 from flapgym.state_space import Array
+from flapgym.turbine.fields import Count, PerBlade, Quantity
 
 FEW = 16
 """Number of flaps at a stop up to which they are stepped one by one."""
@@ -38,12 +39,9 @@ class Faults:
     lag: float = 0.0
 
     def __post_init__(self) -> None:
-        if len(self.effectiveness) != 3 or not all(math.isfinite(value) for value in self.effectiveness):
-            raise ValueError(f"faults.effectiveness: expected three finite factors, got {self.effectiveness}")
-        if len(self.stuck) != 3 or not all(value is None or math.isfinite(value) for value in self.stuck):
-            raise ValueError(f"faults.stuck: expected three angles [rad] or None, got {self.stuck}")
-        if not (math.isfinite(self.lag) and self.lag >= 0.0):
-            raise ValueError(f"faults.lag: expected a time constant [s] of at least 0, got {self.lag}")
+        PerBlade("number").check(self.effectiveness, "faults.effectiveness")
+        PerBlade("angle").check([value or 0.0 for value in self.stuck], "faults.stuck")
+        Quantity("time", at_least=0.0).check(self.lag, "faults.lag")
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
@@ -85,11 +83,9 @@ class Actuator:
 
     def __post_init__(self) -> None:
         for name in ("angle_limit", "rate_limit", "time_step"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise ValueError(f"actuator.{name}: expected a positive number, got {value}")
-        if self.steps < 1:
-            raise ValueError(f"actuator.steps: expected at least one, got {self.steps}")
+            Quantity("number", above=0.0).check(getattr(self, name), f"actuator.{name}")
+        Count(at_least=1).check(self.steps, "actuator.steps")
+        Quantity("time", at_least=0.0).check(self.lag, "actuator.lag")
 
     @cached_property
     def decay(self) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from flapgym.aeroelastic.model import TurbineModel
 from flapgym.plant.interface import Setup
 from flapgym.state_space import Array
+from flapgym.wording import number, shown
 
 _ROUNDING = 1.0 + 1e-9
 """A flap may be stuck at its stop but for this."""
@@ -39,7 +39,7 @@ def checked_state(
         If an entry is missing or is not what it must be; the message names it.
     """
     if not isinstance(given, Mapping):
-        raise ValueError(f"expected the entries {', '.join(own)}, got {reprlib.repr(given)}")
+        raise ValueError(f"expected the entries {', '.join(own)}, got {shown(given)}")
     missing = [name for name in own if name not in given]
     if missing:
         raise ValueError(f"{missing[0]}: expected the entries {', '.join(own)}, it is missing")
@@ -54,7 +54,7 @@ def checked_state(
     ):
         if np.abs(state["flaps"][row]).max() > limit * _ROUNDING:
             raise ValueError(
-                f"flaps: expected {what} within +-{limit:.4g}, got {state['flaps'][row].tolist()}"
+                f"flaps: expected {what} within +-{number(limit)}, got {shown(state['flaps'][row].tolist())}"
             )
     return state
 
@@ -62,7 +62,7 @@ def checked_state(
 def checked_whole(name: str, given: Any, largest: int) -> int:
     """A whole number from 0 to the largest."""
     if isinstance(given, bool) or not isinstance(given, (int, np.integer)) or not 0 <= given <= largest:
-        raise ValueError(f"{name}: expected a whole number from 0 to {largest}, got {reprlib.repr(given)}")
+        raise ValueError(f"{name}: expected a whole number from 0 to {largest}, got {shown(given)}")
     return int(given)
 
 
@@ -79,7 +79,7 @@ def checked_numbers(name: str, given: Any, shape: tuple[int, ...], largest: floa
     except ValueError:  # rows of unequal lengths
         values = np.empty(0, dtype=object)
     if values.dtype.kind not in "iuf" or values.shape != shape:
-        raise ValueError(f"{name}: expected numbers of shape {shape}, got {reprlib.repr(given)}")
+        raise ValueError(f"{name}: expected numbers of shape {shape}, got {shown(given)}")
     if not (np.isfinite(values).all() and np.all(np.abs(values) <= largest)):
-        raise ValueError(f"{name}: expected finite numbers, got {reprlib.repr(given)}")
+        raise ValueError(f"{name}: expected finite numbers, got {shown(given)}")
     return values.astype(float)

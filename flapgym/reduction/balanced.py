@@ -15,6 +15,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from flapgym.turbine.fields import Count
+from flapgym.wording import shown
+
 ComplexArray = NDArray[np.complex128]
 # Real for the collective component, complex for whirl.
 Matrix = NDArray[Any]
@@ -84,6 +87,11 @@ def balanced_reduction(
         If the window is too short for the Hankel matrix, the order exceeds the system's own, or the
         reduced system is unstable.
     """
+    Count(at_least=1).check(order, "balanced_reduction.order")
+    if response.ndim != 3 or not np.isfinite(response).all():
+        raise ValueError(
+            f"balanced_reduction.response: expected finite numbers along 3 axes, got {shown(response)}"
+        )
     samples, outputs, inputs = response.shape
     if 2 * block_rows > samples:
         raise ValueError(

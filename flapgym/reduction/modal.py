@@ -6,6 +6,7 @@ import numpy as np
 import scipy.linalg
 
 from flapgym.state_space import Array
+from flapgym.turbine.fields import Count, Numbers
 
 
 def normal_modes(mass: Array, stiffness: Array, count: int) -> tuple[Array, Array]:
@@ -31,8 +32,10 @@ def normal_modes(mass: Array, stiffness: Array, count: int) -> tuple[Array, Arra
         If ``count`` is out of range or a mode is not restored by its stiffness.
     """
     n = mass.shape[0]
-    if not 1 <= count <= n:
-        raise ValueError(f"normal_modes.count: expected 1 <= count <= {n}, got {count}")
+    for name, matrix in (("mass", mass), ("stiffness", stiffness)):
+        if Numbers(axes=2).check(matrix, f"normal_modes.{name}").shape != (n, n):
+            raise ValueError(f"normal_modes.{name}: expected shape {(n, n)}, got {matrix.shape}")
+    Count(at_least=1, at_most=n).check(count, "normal_modes.count")
     values, shape = scipy.linalg.eigh(
         0.5 * (stiffness + stiffness.T), 0.5 * (mass + mass.T), subset_by_index=[0, count - 1]
     )

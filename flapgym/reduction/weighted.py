@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from flapgym.state_space import Array, StateSpace, series
+from flapgym.state_space import Array, StateSpace, require_time_step, series
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +73,7 @@ def balance(system: StateSpace, weight: StateSpace) -> Balanced:
 
 def relative_error(system: StateSpace, reduced: StateSpace, weight: StateSpace) -> Array:
     """Rms of each output's error over that output's own rms under the weight's noise, shape (ny,)."""
+    require_time_step("relative_error.reduced.time_step", reduced.time_step, system.time_step, "the system's")
     difference = StateSpace(
         scipy.linalg.block_diag(system.A, reduced.A),
         np.vstack([system.B, reduced.B]),

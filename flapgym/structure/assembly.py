@@ -17,6 +17,7 @@ from flapgym.structure.body import LinearBlade
 from flapgym.structure.rotation import Array, about_x, hat
 from flapgym.structure.support import LinearSupport, linear_support
 from flapgym.turbine import Turbine
+from flapgym.turbine.fields import Count, Quantity
 
 
 def hub_velocity(support: LinearSupport, azimuth: float, rotor_speed: float) -> tuple[Array, Array]:
@@ -24,6 +25,8 @@ def hub_velocity(support: LinearSupport, azimuth: float, rotor_speed: float) -> 
 
     nu = T q' and nu' = T q'' + T' q', with T' the derivative in time at constant rotor speed.
     """
+    Quantity("angle").check(azimuth, "hub_velocity.azimuth")
+    Quantity("angular rate").check(rotor_speed, "hub_velocity.rotor_speed")
     turn = about_x(-azimuth)
     rate = -rotor_speed * hat(np.array([1.0, 0.0, 0.0])) @ turn
     both = np.eye(2)
@@ -39,6 +42,8 @@ def assemble(
     support, by their resultant about the apex. The steady hub loads of the blades are taken to balance, as those
     of equal blades do (`joint.steady_load_tangent` gives what a remainder adds).
     """
+    if not blades:
+        raise ValueError("assemble.blades: expected one or more, got none")
     sizes = [blade.mass.shape[0] for blade in blades]
     rotor, total = sum(sizes), sum(sizes) + support.mass.shape[0]
     mass, damping, stiffness = (np.zeros((total, total)) for _ in range(3))
@@ -73,6 +78,7 @@ def parked_modes(turbine: Turbine, elements: int = 12, count: int = 20) -> tuple
     mass, _, stiffness = assemble([blade] * turbine.rotor.blade_count, linear_support(turbine))
     # The inverse problem has the lowest modes at its well-conditioned end.
     total = len(mass)
+    Count(at_least=1, at_most=total).check(count, "parked_modes.count")
     inverse, shapes = scipy.linalg.eigh(mass, stiffness, subset_by_index=(total - count, total - 1))
     frequencies = 1.0 / (2.0 * np.pi * np.sqrt(inverse[::-1]))
     return frequencies, shapes[:, ::-1] * 2.0 * np.pi * frequencies

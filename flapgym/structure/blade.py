@@ -10,6 +10,7 @@ from flapgym.structure.equilibrium import solve_equilibrium
 from flapgym.structure.inertia import distribution, section_mass
 from flapgym.structure.rotation import Array, about_y, about_z
 from flapgym.turbine import BladeSections, Turbine
+from flapgym.turbine.fields import Quantity
 
 SHEAR_TO_AXIAL = 10.0
 """Shear stiffness over axial stiffness. None is published, and the turbine's definition knows no shear: ten
@@ -27,6 +28,7 @@ def blade_beam(turbine: Turbine, elements: int, pitch: float = 0.0) -> Beam:
 
     An element's properties are the average of its end nodes'; `pitch` [rad] adds to the twist.
     """
+    Quantity("angle").check(pitch, "blade.pitch")
     sections = turbine.blade_sections(elements)
     cone = about_y(-turbine.rotor.precone)
     position = np.outer(sections.radius, cone[:, 2])
@@ -87,6 +89,7 @@ def linear_blade(
     near : LinearBlade, optional
         One about nearly the same equilibrium, to start from; default the unstrained blade, load by steps.
     """
+    Quantity("angular rate").check(rotor_speed, "blade.rotor_speed")
     beam = blade_beam(turbine, elements, pitch)
     steps = 1 if load is None or near else LOAD_STEPS
     start = Configuration(near.position, near.orientation) if near else None

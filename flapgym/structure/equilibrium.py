@@ -7,6 +7,7 @@ import numpy as np
 from flapgym.structure.beam import Beam, Configuration, internal_force, tangent
 from flapgym.structure.inertia import distribution, linearise_inertia, steady_force
 from flapgym.structure.rotation import Array, hat
+from flapgym.turbine.fields import Count
 
 MAX_ITERATIONS = 60
 TOLERANCE = 1e-13
@@ -52,9 +53,16 @@ def solve_equilibrium(
     rotation = np.zeros(3) if rotation is None else np.asarray(rotation, dtype=float)
     load = np.zeros(shape) if load is None else np.asarray(load, dtype=float)
     follower = np.zeros(shape) if follower_load is None else np.asarray(follower_load, dtype=float)
-    for name, value in {"load": load, "follower_load": follower}.items():
-        if value.shape != shape or not np.isfinite(value).all():
-            raise ValueError(f"equilibrium.{name}: expected {shape} finite values, got shape {value.shape}")
+    Count(at_least=1).check(load_steps, "equilibrium.load_steps")
+    for name, value, expected in (
+        ("rotation", rotation, (3,)),
+        ("load", load, shape),
+        ("follower_load", follower, shape),
+    ):
+        if value.shape != expected or not np.isfinite(value).all():
+            raise ValueError(
+                f"equilibrium.{name}: expected {expected} finite values, got shape {value.shape}"
+            )
     inertia = distribution(beam)
     configuration = beam.reference if start is None else start
     for step in range(1, load_steps + 1):

@@ -14,8 +14,10 @@ from flapgym.structure.rotation import Array, about_x
 from flapgym.structure.support import LinearSupport, linear_support
 from flapgym.turbine import Turbine
 
-SWING = 15.0
-"""Largest drawn displacement [m]."""
+SWING = 0.24
+"""Largest drawn displacement over the rotor radius."""
+MARGIN = 0.03
+"""Room left about the turbine in all its modes, over the rotor radius."""
 
 
 def turbine_lines(turbine: Turbine, elements: int, mode: Mode | None = None) -> list[Array]:
@@ -36,7 +38,7 @@ def turbine_lines(turbine: Turbine, elements: int, mode: Mode | None = None) -> 
         lines.append(support.apex + points @ support.shaft_axes.T)
         moves.append(moved @ support.shaft_axes.T)
     largest = max(float(np.abs(move).max()) for move in moves)
-    scale = 0.0 if mode is None else SWING / largest
+    scale = 0.0 if mode is None else SWING * turbine.rotor.radius / largest
     return [line + scale * move for line, move in zip(lines, moves, strict=True)]
 
 
@@ -45,25 +47,36 @@ def _tower_motion(support: LinearSupport, shape: Array) -> Array:
     return np.vstack([np.zeros(3), free])
 
 
-def plot_modes(turbine: Turbine, path: Path, elements: int = 48) -> None:
+def box(turbine: Turbine, lines: list[Array]) -> Array:
+    """Least and largest x, y and z, (2, 3) [m], of a box that holds the lines and stands on the ground."""
+    points, room = np.vstack(lines), MARGIN * turbine.rotor.radius
+    ends = np.array([points.min(axis=0) - room, points.max(axis=0) + room])
+    ends[0, 2] = min(0.0, float(points[:, 2].min()))
+    return ends
+
+
+def plot_modes(turbine: Turbine, path: Path, elements: int) -> None:
     """Draw the first twelve modes, by frequency, of the parked turbine and write the picture to `path`."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     modes = sorted(named_modes(turbine, elements), key=lambda mode: mode.frequency)[:12]
     figure = Figure(figsize=(11.0, 13.0), layout="constrained")
     rest = turbine_lines(turbine, elements)
+    swung = [turbine_lines(turbine, elements, mode) for mode in modes]
+    # One box for all pictures, so that they compare.
+    low, high = box(turbine, [*rest, *(line for lines in swung for line in lines)])
     for index, mode in enumerate(modes):
         axes: Any = figure.add_subplot(4, 3, index + 1, projection="3d")
         for line in rest:
             axes.plot(*line.T, color="0.75", linewidth=1.0)
-        for line in turbine_lines(turbine, elements, mode):
+        for line in swung[index]:
             axes.plot(*line.T, color="tab:blue", linewidth=2.0)
         axes.set_title(f"{mode.name}\n{mode.frequency:.3f} Hz", fontsize=9, pad=0.0)
-        axes.set_box_aspect((70, 130, 155))
-        axes.set(xlim=(-40, 30), ylim=(-65, 65), zlim=(0, 155))
-        axes.set_xticks([-20, 20])
-        axes.set_yticks([-50, 0, 50])
-        axes.set_zticks([0, 50, 100, 150])
+        axes.set_box_aspect(high - low)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        for axis, bins in ((axes.xaxis, 2), (axes.yaxis, 4), (axes.zaxis, 4)):
+            axis.set_major_locator(MaxNLocator(bins))
         axes.view_init(elev=12.0, azim=-125.0)
     title = f"{turbine.name}, parked, {elements} elements a blade: wind from the left, lengths in m"
     figure.suptitle(title, parse_math=False)  # a name may hold a dollar

@@ -19,7 +19,7 @@ from flapgym.structure.body import LinearBlade
 from flapgym.structure.rotating import component_weights, rotating_modes
 from flapgym.structure.rotation import Array
 from flapgym.structure.support import linear_support, tower_beam
-from flapgym.turbine import Turbine
+from flapgym.turbine import Turbine, load_turbine
 
 COUNT = 20
 """Modes computed; Table 1 ends with the 14th."""
@@ -51,6 +51,18 @@ TABLE_1 = (
     TableRow("2nd tower fore-aft", 2.900, 2.860, 2.913, 2.931),
     TableRow("2nd tower side-to-side", 2.936, 2.941, 3.029, 3.040),
 )
+NO_MATTER = frozenset(
+    (
+        "gravity",
+        "rated_wind_speed",
+        "blade_damping_ratio",
+        "tower_damping_ratio",
+        "planform",
+        "pitch_axis",
+        "airfoils",
+    )
+)
+"""Fields of a turbine on which its undamped modes without wind do not depend."""
 SECOND_DRIVETRAIN = "2nd drivetrain torsion"
 """Not in Table 1; Figure 9 labels it 2.316 Hz for 48 elements."""
 
@@ -172,17 +184,23 @@ def _assign(shares: _Shares, across: tuple[str, str, str, str]) -> dict[str, int
     }
 
 
+def is_published(turbine: Turbine) -> bool:
+    """Whether Table 1 is of this turbine's structure: the built-in NREL 5 MW's, whatever it is called."""
+    return NO_MATTER.issuperset(turbine.differing(load_turbine("nrel5mw")))
+
+
 def modes_table(turbine: Turbine, elements: int = 12, rotor_speed: float = 0.0) -> list[dict[str, Any]]:
     """Table 1: a list of {"mode", "frequency", "paper", "fast", "adams"}, frequencies in Hz.
 
-    The published columns are for the parked turbine and None when it turns.
+    The published columns are for the parked NREL 5 MW: None when it turns, and for another turbine.
     """
     published = {row.mode: row for row in TABLE_1}
+    parked, known = rotor_speed == 0.0, is_published(turbine)
     rows: list[dict[str, Any]] = []
     for mode in named_modes(turbine, elements, rotor_speed):
-        row = published.get(mode.name) if rotor_speed == 0.0 else None
-        if row is None and rotor_speed == 0.0:
+        if parked and mode.name not in published:
             continue
+        row = published[mode.name] if parked and known else None
         paper = None if row is None else (row.paper_48 if elements == 48 else row.paper_12)
         rows.append(
             {

@@ -1,23 +1,34 @@
-"""The turbine's natural modes as text, beside what FAST, ADAMS and the paper give in Table 1."""
+"""The turbine's natural modes as text; the NREL 5 MW's beside what FAST, ADAMS and the paper give in Table 1."""
 
 from __future__ import annotations
 
-from flapgym.structure.modes import SECOND_DRIVETRAIN, modes_table, named_modes
+from flapgym.structure.modes import SECOND_DRIVETRAIN, is_published, modes_table, named_modes
 from flapgym.turbine import Turbine
 
 FIGURE_9 = 2.316  # Hz, the paper's second drivetrain torsion, 48 elements a blade
 
 
 def describe_modes(turbine: Turbine, elements: int, rotor_speed: float = 0.0) -> str:
-    """Table of natural frequencies, parked with the published ones or, with a rotor speed [rad/s], turning."""
+    """Table of natural frequencies: parked, beside those published of this turbine, or turning at a speed [rad/s]."""
+    if rotor_speed == 0.0 and is_published(turbine):
+        return _beside_table_1(turbine, elements)
+    modes = named_modes(turbine, elements, rotor_speed)
     if rotor_speed:
-        rows = modes_table(turbine, elements, rotor_speed)
-        head = f"{turbine.name}, turning at {rotor_speed:.4f} rad/s, {elements} elements a blade; undamped, no wind"
-        lines = [
-            f"{row['mode']:<36}{row['frequency']:9.4f}"
-            for row in sorted(rows, key=lambda row: row["frequency"])
+        modes = sorted(modes, key=lambda mode: mode.frequency)
+        state, seen = f"turning at {rotor_speed:.4f} rad/s", "mode seen from the tower"
+    else:
+        state, seen = "parked with blade 1 up", "mode"
+    return "\n".join(
+        [
+            f"{turbine.name}, {state}, {elements} elements a blade; undamped, no wind",
+            "",
+            f"{seen:<36}{'Hz':>9}",
+            *(f"{mode.name:<36}{mode.frequency:9.4f}" for mode in modes),
         ]
-        return "\n".join([head, "", f"{'mode seen from the tower':<36}{'Hz':>9}", *lines])
+    )
+
+
+def _beside_table_1(turbine: Turbine, elements: int) -> str:
     head = f"{turbine.name}, parked with blade 1 up, {elements} elements a blade; undamped, frequencies in Hz"
     lines = [
         head,

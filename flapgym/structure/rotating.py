@@ -18,6 +18,7 @@ from flapgym.structure.body import LinearBlade
 from flapgym.structure.rotation import Array
 from flapgym.structure.support import LinearSupport, linear_support
 from flapgym.turbine import Turbine
+from flapgym.turbine.fields import Count, Quantity
 
 BLADES = 3
 
@@ -37,6 +38,8 @@ def multi_blade_matrices(
     Unknowns: the components q_0, q_c, q_s (6n each), then the support's. The same at every azimuth when the
     blades are equal; with unequal blades periodic.
     """
+    if len(blades) != BLADES:
+        raise ValueError(f"multi_blade_matrices.blades: expected {BLADES}, got {len(blades)}")
     mass, damping, stiffness = assemble(blades, support, azimuth)
     size, rest = blades[0].mass.shape[0], support.mass.shape[0]
     speed = blades[0].rotor_speed
@@ -68,6 +71,8 @@ def rotating_modes(
     frequency : (m,) float
     shape : (N, m) complex
     """
+    Count(at_least=1, at_most=100).check(count, "rotating_modes.count")
+    Quantity("frequency", above=0.0).check(around, "rotating_modes.around")
     blade = linear_blade(turbine, elements, rotor_speed)
     support = linear_support(turbine, rotor_speed)
     mass, damping, stiffness = multi_blade_matrices([blade] * BLADES, support)

@@ -15,6 +15,7 @@ from flapgym.structure.blade import SHEAR_TO_AXIAL
 from flapgym.structure.inertia import distribution, linearise_inertia, section_mass
 from flapgym.structure.rotation import Array, about_y, hat, rigid_displacement
 from flapgym.turbine import Turbine
+from flapgym.turbine.fields import Quantity
 
 SHAFT_AXIAL_STIFFNESS = 1e13
 """Axial and shear stiffness of the shaft [N], which only twists and barely bends."""
@@ -109,6 +110,7 @@ def linear_support(turbine: Turbine, rotor_speed: float = 0.0) -> LinearSupport:
     rotor_speed : float
         Omega about +x of H [rad/s], for the hub's gyroscopic moment.
     """
+    Quantity("angular rate").check(rotor_speed, "support.rotor_speed")
     tower, shaft = tower_beam(turbine), shaft_beam(turbine)
     tower_size, size = 6 * tower.elements, 6 * tower.elements + 6
     top = slice(tower_size - 6, tower_size)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain
+from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain, to_plain
 from flapgym.turbine.machine import Turbine
 from flapgym.turbine.units import DEGREE
+from flapgym.wording import number
 
 _Limit = 1000 * DEGREE
 
@@ -260,8 +261,9 @@ class Case:
         point, rated = self.operating_point, self.turbine.rated_wind_speed
         if point.wind_speed > rated and point.pitch == 0.0:
             raise ValueError(
-                f"operating_point.pitch: expected the blades pitched above rated wind ({rated:g} m/s), got 0 deg at a "
-                f"wind_speed of {point.wind_speed:g} m/s; give pitch and tip_speed_ratio for that wind, or less wind"
+                f"operating_point.pitch: expected the blades pitched above rated wind ({number(rated)} m/s), got "
+                f"0 deg at a wind_speed of {number(point.wind_speed)} m/s; give pitch and tip_speed_ratio for that "
+                "wind, or less wind"
             )
 
     def _check_structure(self) -> None:
@@ -338,7 +340,7 @@ class Case:
 
     def to_dict(self) -> dict[str, Any]:
         """Return every value of the case and its turbine as nested dictionaries, lists and numbers, in SI."""
-        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+        return {f.name: to_plain(getattr(self, f.name)) for f in fields(self)}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Case:
@@ -351,11 +353,3 @@ class Case:
         del content["name"], content["turbine"]["name"]
         canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(canonical.encode()).hexdigest()
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, np.ndarray | tuple):
-        return [_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
-    return value

@@ -196,6 +196,34 @@ class Column(_Bounded):
 
 
 @dataclass(frozen=True)
+class Numbers(_Bounded):
+    """One or more finite numbers in an array: none masked, none left out, no text."""
+
+    dimension: str = "number"
+    axes: int | None = None
+
+    def check(self, value: object, name: str) -> Array:
+        """Refuse an array with an entry that is no number of the range; return it as float."""
+        if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+            raise ValueError(f"{name}: expected every number, got a masked array; fill it or leave those out")
+        try:
+            found = np.asarray(value)
+        except ValueError:  # rows of different lengths
+            found = np.empty(0, dtype=object)
+        if found.dtype.kind not in "iuf":
+            raise ValueError(f"{name}: expected real numbers, got {shown(value)}")
+        if not found.size or self.axes not in (None, found.ndim):
+            axes = "" if self.axes is None else f" along {self.axes} {'axis' if self.axes == 1 else 'axes'}"
+            raise ValueError(f"{name}: expected one or more numbers{axes}, got shape {found.shape}")
+        numbers = found.astype(np.float64)
+        outside = ~self.holds(numbers)
+        if outside.any():
+            place, given = np.argwhere(outside)[0].tolist(), show(numbers[outside][0], self.dimension)
+            raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given} at {place}")
+        return numbers
+
+
+@dataclass(frozen=True)
 class TextColumn:
     """A column of texts over the stations of a table."""
 
@@ -267,6 +295,15 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
         raise ValueError(f"{name}: expected one or more tables [[{name}]], got {shown(value)}")
     (item, _) = typing.get_args(spec)
     return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+
+
+def to_plain(value: Any) -> Any:
+    """A data class as nested dictionaries, lists and SI numbers, which JSON can hold and `from_plain` reads."""
+    if is_dataclass(value):
+        return {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray | tuple):
+        return [to_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    return value
 
 
 def from_plain(cls: type[T], values: Mapping[str, Any], section: str = "") -> T:

@@ -27,7 +27,6 @@ BUILT_IN = {
     "turbine": ("nrel5mw",),
     "case": (DEFAULT_CASE, "nrel5mw-corrected-heavy-blade", "nrel5mw-rated", "nrel5mw-heavy-blade"),
 }
-BUILT_IN = {"turbine": ("nrel5mw",), "case": ("nrel5mw-rated", "nrel5mw-heavy-blade")}
 LONGEST_CHAIN = 10
 """Files that derive from each other, one after another."""
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
 import numpy as np
 
-from flapgym.turbine.fields import Array, Column, Count, Quantity, Text, TextColumn, check_fields
+from flapgym.turbine.fields import Array, Column, Count, Quantity, Text, TextColumn, check_fields, to_plain
 from flapgym.turbine.units import DEGREE
 
 _Length = Annotated[float, Quantity("length", above=0.0)]
@@ -59,6 +59,10 @@ class Rotor:
             raise ValueError(
                 f"rotor.hub_radius: expected less than rotor.radius ({self.radius} m), got {self.hub_radius} m"
             )
+
+    def height_on(self, tower_height: float) -> float:
+        """Height of the rotor apex above the base of a tower so high [m]."""
+        return tower_height + self.tower_top_to_shaft + self.overhang * math.sin(self.tilt)
 
 
 @dataclass(frozen=True)
@@ -340,8 +344,22 @@ class Turbine:
     @property
     def hub_height(self) -> float:
         """Height of the rotor apex above the tower's base [m]."""
-        rotor = self.rotor
-        return float(self.tower.height[-1] + rotor.tower_top_to_shaft + rotor.overhang * math.sin(rotor.tilt))
+        return self.rotor.height_on(float(self.tower.height[-1]))
+
+    def differing(self, other: Turbine) -> tuple[str, ...]:
+        """Names of the fields in which another turbine differs; what they are called does not count."""
+        names = (f.name for f in fields(self) if f.name != "name")
+        return tuple(
+            name for name in names if to_plain(getattr(self, name)) != to_plain(getattr(other, name))
+        )
+
+    def require(self, expected: Turbine) -> None:
+        """Refuse, with a ValueError, to be another turbine than the expected one."""
+        differing = self.differing(expected)
+        if differing:
+            raise ValueError(
+                f"turbine: expected {expected.name}, got {self.name}, which differs in {', '.join(differing)}"
+            )
 
     def airfoil(self, name: str) -> Airfoil:
         """Return the aerofoil of that name."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from flapgym.wording import shown
+from flapgym.wording import number, shown
 
 DEGREE = math.pi / 180.0
 
@@ -15,6 +15,7 @@ UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "mm": 1e-3, "km": 1e3},
     "length in rotor diameters": {"rotor diameters": 1.0},
     "time": {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
+    "frequency": {"Hz": 1.0},
     "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0},
     "acceleration": {"m/s^2": 1.0},
     "angle": {"deg": DEGREE, "rad": 1.0},
@@ -27,6 +28,7 @@ UNITS: dict[str, dict[str, float]] = {
     "inertia": {"kg m^2": 1.0},
     "inertia per length": {"kg m": 1.0},
     "force": {"N": 1.0, "kN": 1e3, "MN": 1e6},
+    "moment": {"N m": 1.0, "kN m": 1e3, "MN m": 1e6},
     "bending stiffness": {"N m^2": 1.0},
     "torsion spring": {"N m/rad": 1.0},
     "torsion damper": {"N m s/rad": 1.0},
@@ -69,9 +71,9 @@ def parse_quantity(value: object, dimension: str, name: str) -> float:
     """
     if isinstance(value, int | float) and not isinstance(value, bool) and dimension == "number":
         try:
-            number, size = float(value), 1.0
+            found, size = float(value), 1.0
         except OverflowError:
-            number, size = math.inf, 1.0
+            found, size = math.inf, 1.0
     else:
         # The expression's time grows faster than the text.
         match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) < 100 else None
@@ -79,13 +81,13 @@ def parse_quantity(value: object, dimension: str, name: str) -> float:
             unit = next(iter(UNITS[dimension]))
             example = "a number such as 0.5" if dimension == "number" else f'a text such as "1.5 {unit}"'
             raise ValueError(f"{name}: expected {article(dimension)}, {example}, got {shown(value)}")
-        number, size = float(match[1]), unit_size(dimension, match[2], name)
-    if not math.isfinite(number):
+        found, size = float(match[1]), unit_size(dimension, match[2], name)
+    if not math.isfinite(found):
         raise ValueError(f"{name}: expected a finite {dimension}, got {shown(value)}")
-    return number * size
+    return found * size
 
 
 def show(value: float, dimension: str) -> str:
     """Write an SI value in the first unit of its dimension, for messages."""
     unit, size = next(iter(UNITS[dimension].items()))
-    return f"{value / size:.6g} {unit}".strip()
+    return f"{number(value / size)} {unit}".strip()

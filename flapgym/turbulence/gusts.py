@@ -7,14 +7,16 @@ start. An environment takes one as a mapping of plain values in SI units, `{"kin
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from flapgym.state_space import Array
-from flapgym.turbulence.recording import read_wind
+from flapgym.turbulence.recording import WindSeries, read_wind
+from flapgym.wording import number, shown
 
 EXTREME_GUST_DURATION = 10.5
 """T of the extreme operating gust [s] (IEC 61400-1:2005, 6.3.2.2)."""
@@ -23,12 +25,14 @@ REFERENCE_SPEEDS = {"I": 50.0, "II": 42.5, "III": 37.5}
 REFERENCE_INTENSITIES = {"A": 0.16, "B": 0.14, "C": 0.12}
 """I_ref of the turbulence classes (the same table)."""
 
+ROUNDING = 1e-9
+"""Time [s] by which a recording may end early."""
 STRONGEST = 100.0
 """Largest perturbation [m/s]: no wind has more, and the model is linear."""
 LIMITS = {
     "size": (-STRONGEST, STRONGEST, "m/s"),
     "amplitude": (-STRONGEST, STRONGEST, "m/s"),
-    "frequency": (1e-6, 50.0, "Hz"),  # the plant's samples show no more than 71 Hz
+    "frequency": (1e-6, 50.0, "Hz"),  # the plant's samples may show less: `Sinusoid.check_samples`
     "duration": (1e-3, 1e6, "s"),
     "start": (-1e12, 1e12, "s"),  # recordings may count from 1970
     "rotor_diameter": (1.0, 1000.0, "m"),
@@ -90,6 +94,14 @@ class Sinusoid:
     def __post_init__(self) -> None:
         _check(self)
 
+    def check_samples(self, time_step: float) -> None:
+        """Refuse, with a ValueError, a frequency that samples a time step [s] apart would show as another one."""
+        if self.frequency > 0.5 / time_step:
+            raise ValueError(
+                f"gust.frequency: expected at most {0.5 / time_step:.4g} Hz, half the frequency of the model's time "
+                f"steps of {time_step:g} s, got {self.frequency:g} Hz"
+            )
+
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s]."""
         since = np.maximum(time - self.start, 0.0)
@@ -111,14 +123,14 @@ class ExtremeOperatingGust:
     start : float
         [s].
     rotor_diameter, hub_height : float
-        D and the hub height [m]; the NREL 5 MW's by default.
+        D and the hub height [m]; those of the turbine it strikes by default (`on_turbine`).
     """
 
     turbine_class: str = "I"
     turbulence_class: str = "A"
     start: float = 0.0
-    rotor_diameter: float = 126.0
-    hub_height: float = 90.0
+    rotor_diameter: float | None = None
+    hub_height: float | None = None
 
     def __post_init__(self) -> None:
         _check(self)
@@ -128,10 +140,27 @@ class ExtremeOperatingGust:
         ):
             value = getattr(self, name)
             if not isinstance(value, str) or value not in known:
-                raise ValueError(f"gust.{name}: expected one of {', '.join(known)}, got {value!r}")
+                raise ValueError(f"gust.{name}: expected one of {', '.join(known)}, got {shown(value)}")
+
+    def on_turbine(self, rotor_diameter: float | None, hub_height: float | None) -> ExtremeOperatingGust:
+        """The gust with a turbine's rotor diameter and hub height [m], if they are known, where it gives none."""
+        return replace(
+            self,
+            rotor_diameter=rotor_diameter if self.rotor_diameter is None else self.rotor_diameter,
+            hub_height=hub_height if self.hub_height is None else self.hub_height,
+        )
 
     def magnitude(self, mean: float) -> float:
-        """V_gust [m/s] at a mean wind speed V_hub [m/s]."""
+        """V_gust [m/s] at a mean wind speed V_hub [m/s].
+
+        Raises
+        ------
+        ValueError
+            If it knows neither rotor diameter nor hub height.
+        """
+        if self.rotor_diameter is None or self.hub_height is None:
+            missing = "rotor_diameter" if self.rotor_diameter is None else "hub_height"
+            raise ValueError(f"gust.{missing}: the model's case does not tell it; give it in m")
         yearly = 0.8 * 1.4 * REFERENCE_SPEEDS[self.turbine_class]
         sigma = REFERENCE_INTENSITIES[self.turbulence_class] * (0.75 * mean + 5.6)
         scale = 0.7 * min(self.hub_height, 60.0)
@@ -157,13 +186,31 @@ class Recorded:
         have been the value at that moment.
     """
 
-    file: str
+    file: str | os.PathLike[str]
     start: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.file, str):
-            raise ValueError(f"gust.file: expected the path of a CSV file as a text, got {self.file!r}")
+        if not isinstance(self.file, (str, os.PathLike)):
+            raise ValueError(f"gust.file: expected the path of a CSV file, got {shown(self.file)}")
+        object.__setattr__(self, "file", os.fspath(self.file))
         _check(self)
+
+    def lasts(self) -> float:
+        """Time [s] from the episode's start to the recording's end."""
+        series, begin = self._from_start()
+        return float(series.time[-1]) - begin
+
+    def _from_start(self) -> tuple[WindSeries, float]:
+        """The recording, and its moment at which the episode begins [s]."""
+        series = read_wind(self.file)
+        first, last = float(series.time[0]), float(series.time[-1])
+        begin = first if self.start is None else self.start
+        if not first <= begin < last:
+            raise ValueError(
+                f"gust.start: {self.file} holds {number(first)} to {number(last)} s; expected a moment in between, got "
+                f"{number(begin)} s"
+            )
+        return series, begin
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s].
@@ -173,21 +220,20 @@ class Recorded:
         ValueError
             If the recording begins later or ends earlier than it is asked for, or the file is unreadable.
         """
-        series = read_wind(self.file)
-        begin = float(series.time[0]) if self.start is None else self.start
+        series, begin = self._from_start()
         end = begin + float(np.max(time, initial=0.0))
-        if begin < series.time[0] or end > series.time[-1] + 1e-9:
+        if end > series.time[-1] + ROUNDING:
             raise ValueError(
-                f"gust.file: {self.file} holds {series.time[0]:g} to {series.time[-1]:g} s, the episode wants "
-                f"{begin:g} to {end:g} s; choose another start or a shorter duration"
+                f"gust.file: {self.file} lasts until {number(series.time[-1])} s, the episode until {number(end)} s; "
+                f"expected a duration of at most {number(self.lasts())} s, or an earlier start"
             )
         values = np.interp(begin + np.maximum(time, 0.0), series.time, series.wind)
         perturbation = np.asarray(values if series.perturbation else values - mean)
         largest = float(np.abs(perturbation).max(initial=0.0))
         if largest > STRONGEST:
             raise ValueError(
-                f"gust.file: {self.file}: expected perturbations within +-{STRONGEST:g} m/s, got {largest:g} "
-                "m/s; check the unit in its header"
+                f"gust.file: {self.file}: expected perturbations within +-{number(STRONGEST)} m/s, got "
+                f"{number(largest)} m/s; check the unit in its header"
             )
         return perturbation
 
@@ -212,11 +258,11 @@ def gust_of(given: Any) -> Gust:
     """
     if not isinstance(given, Mapping):
         raise ValueError(
-            f'gust: expected a mapping such as {{"kind": "step", "start": 2.0, "size": 1.0}}, got {given!r}'
+            f'gust: expected a mapping such as {{"kind": "step", "start": 2.0, "size": 1.0}}, got {shown(given)}'
         )
     kind = given.get("kind")
     if not isinstance(kind, str) or kind not in GUSTS:
-        raise ValueError(f"gust.kind: expected one of {', '.join(GUSTS)}, got {kind!r}")
+        raise ValueError(f"gust.kind: expected one of {', '.join(GUSTS)}, got {shown(kind)}")
     chosen = GUSTS[kind]
     known = {field.name: field.default is MISSING for field in fields(chosen)}
     entries = {name: value for name, value in given.items() if name != "kind"}
@@ -241,12 +287,13 @@ def _check(gust: Any) -> None:
     """Refuse numbers that are none, or beyond what they can sensibly be."""
     for field in fields(gust):
         value = getattr(gust, field.name)
-        if field.type == "str" or (value is None and field.default is None):
+        if field.name not in LIMITS or (value is None and field.default is None):
             continue
         lowest, highest, unit = LIMITS[field.name]
         if not is_number(value):
-            raise ValueError(f"gust.{field.name}: expected a finite number in SI units, got {value!r}")
+            raise ValueError(f"gust.{field.name}: expected a finite number in SI units, got {shown(value)}")
         if not lowest <= value <= highest:
             raise ValueError(
-                f"gust.{field.name}: expected a number from {lowest:g} to {highest:g} {unit}, got {value!r}"
+                f"gust.{field.name}: expected a number from {number(lowest)} to {number(highest)} {unit}, got "
+                f"{shown(value)}"
             )

@@ -7,6 +7,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Count
+from flapgym.wording import shown
 
 
 def realise(
@@ -28,8 +30,15 @@ def realise(
     """
     from scipy.signal import lfilter  # half a second to import, and an environment does without this function
 
-    if steps < 1 or count < 1:
-        raise ValueError(f"realise.steps, count: expected at least one, got {steps} and {count}")
+    for name, value in (("steps", steps), ("count", count)):
+        Count(at_least=1).check(value, f"realise.{name}")
+    if len(shaping_filter.inputs) != 1 or len(shaping_filter.outputs) != 1:
+        raise ValueError(
+            "realise.shaping_filter: expected one input and one output, got "
+            f"{len(shaping_filter.inputs)} and {len(shaping_filter.outputs)}"
+        )
+    if not isinstance(rng, np.random.Generator):
+        raise ValueError(f"realise.rng: expected a numpy.random.Generator, got {shown(rng)}")
     order = shaping_filter.order
     white = rng.standard_normal((count, order + steps))
     values, vectors = np.linalg.eig(shaping_filter.A)

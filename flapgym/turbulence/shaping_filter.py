@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from scipy.special import beta
 
 from flapgym.state_space import StateSpace
+from flapgym.turbine.fields import Count, Quantity
 from flapgym.turbulence.spectrum import check_wind
 
 FIT_FREQUENCY = 10.0
@@ -43,10 +44,8 @@ def von_karman_filter(
         Number of poles, 2 to 6.
     """
     check_wind(wind_speed, intensity, length_scale)
-    if order not in range(2, 7):
-        raise ValueError(f"turbulence.order: expected a whole number from 2 to 6, got {order}")
-    if not time_step > 0.0:
-        raise ValueError(f"turbulence.time_step: expected a positive time [s], got {time_step}")
+    Count(at_least=2, at_most=6).check(order, "turbulence.order")
+    Quantity("time", above=0.0).check(time_step, "turbulence.time_step")
     poles, zeros = fit_poles_and_zeros(order, FIT_FREQUENCY * length_scale / wind_speed)
     corner = 2.0 * np.pi * wind_speed / (np.sqrt(70.8) * length_scale)
     a, covariance, c = _unit_variance_modes(corner * poles, corner * zeros, time_step)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.turbine.fields import Numbers, Quantity
+
 
 def check_wind(wind_speed: float, intensity: float, length_scale: float) -> None:
     """Refuse a wind that has no spectrum; each message names the quantity."""
-    for name, value, unit in (("wind_speed", wind_speed, "m/s"), ("length_scale", length_scale, "m")):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"turbulence.{name}: expected a positive number [{unit}], got {value}")
-    if not (np.isfinite(intensity) and 0.0 <= intensity < 1.0):
-        raise ValueError(f"turbulence.intensity: expected 0 <= intensity < 1, got {intensity}")
+    Quantity("speed", above=0.0).check(wind_speed, "turbulence.wind_speed")
+    Quantity("length", above=0.0).check(length_scale, "turbulence.length_scale")
+    Quantity("number", at_least=0.0, below=1.0).check(intensity, "turbulence.intensity")
 
 
 def von_karman_spectrum(
@@ -33,5 +33,7 @@ def von_karman_spectrum(
     check_wind(wind_speed, intensity, length_scale)
     time_scale = length_scale / wind_speed
     variance = (intensity * wind_speed) ** 2
-    reduced = np.asarray(frequency, dtype=float) * time_scale
+    reduced = (
+        Numbers(dimension="frequency", at_least=0.0).check(frequency, "turbulence.frequency") * time_scale
+    )
     return np.asarray(4.0 * variance * time_scale / (1.0 + 70.8 * reduced**2) ** (5.0 / 6.0))

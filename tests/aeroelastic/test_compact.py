@@ -46,5 +46,5 @@ def test_activity_s_flaps_move_on_their_blades_as_one_filter_whatever_the_azimut
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, float("nan")])
 def test_tolerance_out_of_range_is_refused(tolerance):
-    with pytest.raises(ValueError, match=r"tolerance: expected 0 < tolerance < 1"):
+    with pytest.raises(ValueError, match=r"tolerance: expected 0 < number < 1"):
         compact_model(MODEL, tolerance)

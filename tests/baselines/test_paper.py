@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from baselines.paper import __main__ as program
-from baselines.paper import scores
+from baselines.paper import scores, turbine_sections
 from baselines.paper.cache import Cache
 from baselines.paper.control_sections import gust_alleviation, more, robustness
 from baselines.paper.controllers import Plants, swaying_wind
@@ -17,7 +17,7 @@ from baselines.paper.robustness import CONDITIONS, MARGINS, margins, sensitivity
 from baselines.paper.scores import score
 from baselines.paper.structure_sections import table_2
 from baselines.paper.turbine_sections import _lag
-from flapgym.aeroelastic import load_model
+from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.control import Weights, closed_loop, lqg_agent, stationary_rms
 from flapgym.control.closed_loop import with_effectiveness
@@ -25,6 +25,7 @@ from flapgym.control.margins import late_measurement
 from flapgym.evaluation import Estimate, Metrics
 from flapgym.state_space import StateSpace
 from flapgym.turbine import load_case
+from tests.scaled import small_case
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -44,7 +45,7 @@ def short(monkeypatch):
 def test_a_finished_part_is_not_computed_again(short, tmp_path, monkeypatch):
     arguments = ["gust_alleviation", "--quick", "--output", str(tmp_path)]
     assert program.main(arguments) == 0
-    first = (tmp_path / "paper.md").read_text()
+    first = (tmp_path / "paper-trial.md").read_text()
     assert "single clamped blade (base case)" in first
 
     def never(*_):
@@ -52,9 +53,9 @@ def test_a_finished_part_is_not_computed_again(short, tmp_path, monkeypatch):
 
     monkeypatch.setattr(scores, "simulate", never)
     assert program.main(arguments) == 0
-    assert (tmp_path / "paper.md").read_text() == first
+    assert (tmp_path / "paper-trial.md").read_text() == first
     rules = [line for line in first.splitlines() if line.startswith("| --- ")]
-    assert (tmp_path / "paper.html").read_text().count("<table>") == len(rules)
+    assert (tmp_path / "paper-trial.html").read_text().count("<table>") == len(rules)
 
 
 @pytest.mark.parametrize(
@@ -135,10 +136,17 @@ def test_a_disagreement_with_the_paper_is_said():
         for name, value in estimate.items()
     }
     assert more(made["lqg_frozen"]) == pytest.approx(-23.1)
-    text = as_markdown("t", [gust_alleviation(made, made["lqg"].changes, 50, 267.0, 0.05, 0.3)], Path())
+    section = gust_alleviation(made, made["lqg"].changes, MODEL, 50, 267.0, 20, 0.05, 0.3)
+    text = as_markdown("t", [section], Path())
     assert "2.6 % less reduction of the RBM rms than the base case (95 % interval -30.0 to +0.0 %)" in text
     assert "the paper says similar: agrees" in text
     assert "the paper says less than 5 % different: disagrees" in text
+    # Fixed words explain what was seen on one case, and are not said of another.
+    explained = "Homogeneous gusts leave the blades little to tell each other."
+    assert explained not in text
+    seen = replace(MODEL, inputs_hash=load_case("nrel5mw-rated").hash())
+    section = gust_alleviation(made, made["lqg"].changes, seen, 50, 267.0, 20, 0.05, 0.3)
+    assert explained in as_markdown("t", [section], Path())
 
 
 def test_robustness_at_the_design_point_is_the_loops_own_rms(tmp_path):
@@ -189,13 +197,23 @@ def test_what_grows_and_what_has_no_bound_is_said():
     found = {"LQG": worse, "PD": changes}
     text = as_markdown(
         "t",
-        [robustness(found, {}, {"PD": np.array([1.0, 2.0, 3.0, 4.0, np.inf, np.nan, 7.0, 8.0])}, ("heavy",))],
+        [
+            robustness(
+                found,
+                {},
+                {"PD": np.array([1.0, 2.0, 3.0, 4.0, np.inf, np.nan, 7.0, 8.0])},
+                ("heavy",),
+                replace(MODEL, time_step=0.02),
+            )
+        ],
         Path(),
     )
     assert "| heavy | grows: 3.8 Hz, doubles in 47 s | -20.0 / -20.0 / 2.29 |" in text
     assert "LQG grows under: heavy." in text
     assert "Stable under all of them: PD." in text
     assert "| PD | 1 | 2 | 3 | 4 | none |  | 7 | 8 |" in text
+    assert "A delay of one step is 20 ms" in text
+    assert "up to a delay of 1200 ms" in text
 
 
 def test_a_model_of_other_inputs_than_the_case_is_refused(tmp_path):
@@ -242,7 +260,7 @@ def test_table_2_differs_where_the_paper_misprints_it(tmp_path):
     errors = {cell.split("(")[1] for row in rows for cell in row[2:]}
     assert "+43.1)" in errors
     assert section.verdict.startswith("agrees: 112 of 117 entries")
-    assert "misprint of 3.0e8" in " ".join(part for part in section.content if isinstance(part, str))
+    assert "misprint of 3.0e8" in " ".join(part for part in section.parts if isinstance(part, str))
 
 
 def test_the_report_begins_with_the_verdicts():
@@ -263,6 +281,108 @@ def test_an_interrupt_keeps_what_is_finished_and_says_so(short, tmp_path, monkey
 @pytest.mark.parametrize(("own", "words"), [(True, "the scored signals"), (False, "others")])
 def test_a_reading_far_from_the_trial_is_said(own, words):
     changes = tuple(Estimate(value, value, value) for value in (-0.10, -0.20, -0.15))
-    found = readings_section([Reading("scaled", own, 0.5, 1.7, changes, changes)], 50)
-    assert f"tuned on {words}: at most 12.9 points" in found.content[-1]
-    assert "more than the rule of four allows" in found.content[-1]
+    found = readings_section([Reading("scaled", own, 0.5, 1.7, changes, changes)], 50, 12, 0.77)
+    assert f"tuned on {words}: at most 12.9 points" in found.conclusions[-1]
+    assert "more than the rule of four allows" in found.conclusions[-1]
+    assert "carry 0.77 of thin-aerofoil theory's lift" in found.content[0]
+
+
+def test_a_section_of_duration_and_stops_tells_the_model_s_own():
+    made = {
+        "lqg": scores.Score(
+            {key: Estimate(-0.2, -0.2, -0.2) for key in scores.CHANGES},
+            0.1,
+            0.1,
+            1.0,
+            0.1,
+            Estimate(0.0, 0.0, 0.0),
+        )
+    }
+    model = replace(MODEL, length_scale=220.0, flap_angle_limit=0.1, flap_rate_limit=0.5)
+    section = gust_alleviation(made, made["lqg"].changes, model, 2, 20.0, 12, 0.05, 0.3)
+    assert "2 realisations of 20 s (1 L/U)" in section.content[0]
+    assert (
+        f"{np.rad2deg(0.1):g} deg or {np.rad2deg(0.5):g} deg/s on 12 other realisations" in section.content[0]
+    )
+
+
+def test_a_trial_run_says_so_on_every_page_concludes_nothing_and_leaves_the_full_report(
+    short, tmp_path, capsys
+):
+    for name in ("paper.md", "paper.html"):
+        (tmp_path / name).write_text("the full report")
+    (tmp_path / "paper").mkdir()
+    (tmp_path / "paper" / "figure15.svg").write_text("the full figure")
+    assert program.main(["table1", "gust_alleviation", "figure15", "--quick", "--output", str(tmp_path)]) == 0
+    notice = "Trial run: 2 realisations of 4 s in place of 50 of 267 s"
+    assert notice in capsys.readouterr().out
+    assert (tmp_path / "paper.md").read_text() == (tmp_path / "paper.html").read_text() == "the full report"
+    assert (tmp_path / "paper" / "figure15.svg").read_text() == "the full figure"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "paper",
+        "paper-trial",
+        "paper-trial.html",
+        "paper-trial.md",
+        "paper.html",
+        "paper.md",
+    ]
+    text = (tmp_path / "paper-trial.md").read_text()
+    title, *sections = text.split("\n## ")
+    assert title.startswith("# Trial run: ")
+    assert sections[0].startswith("Case\n")
+    assert all(section.splitlines()[2].startswith(notice) for section in sections)
+    assert "(0.299 L/U)" in text
+    assert "(20 L/U)" not in text
+    assert "agree" not in text
+    assert "as in the paper" not in text
+    page = (tmp_path / "paper-trial.html").read_text()
+    # What is fixed is repeated on each printed page.
+    assert '<p class="watermark">Trial run</p>' in page
+    assert ".watermark { position: fixed" in page
+    assert page.count(f"<p>{notice}") == len(sections)
+
+
+def test_a_report_of_some_parts_leaves_the_full_one(tmp_path):
+    (tmp_path / "paper.md").write_text("the full report")
+    assert program.main(["table2", "--output", str(tmp_path)]) == 0
+    assert (tmp_path / "paper.md").read_text() == "the full report"
+    text = (tmp_path / "paper-part.md").read_text()
+    assert f"Parts of the report: table2; 1 of {len(program.PARTS)}." in text
+    assert "Trial run" not in text
+
+
+def test_another_turbine_is_not_set_beside_the_paper_s(tmp_path, capsys):
+    case = small_case(2.0, "large").to_dict()
+    save_model(replace(MODEL, name="large", case=case), tmp_path / "large.safetensors")
+    arguments = ["--quick", "--model", str(tmp_path / "large.safetensors"), "--output", str(tmp_path)]
+    assert program.main(["table1", *arguments]) == 2
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith(
+        "baselines.paper: turbine: expected nrel5mw, got scaled15mw, which differs in rotor, "
+    )
+
+
+def test_the_study_s_case_is_the_one_the_model_holds_whatever_its_name(tmp_path):
+    case = replace(load_case(), name="slow")
+    slow = replace(MODEL, case=case.to_dict(), name="slow", inputs_hash=case.hash())
+    assert program.Study(slow, tmp_path, 2, True, None).case.hash() == case.hash()
+    older = replace(slow, case={key: value for key, value in slow.case.items() if key != "airloads"})
+    with pytest.raises(
+        ValueError, match="model slow: airloads: missing; .*in the case it holds; build it again"
+    ):
+        program.Study(older, tmp_path, 2, True, None)
+
+
+def test_figures_of_the_turbine_are_judged_for_the_case_that_was_looked_at_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(turbine_sections, "TURBINE", {})
+    own = load_case("nrel5mw-rated")
+    other = replace(own, flap=replace(own.flap, span_start=0.5))
+    ours, theirs = (
+        turbine_sections.turbine_figures(case, MODEL, tmp_path, Cache(tmp_path, "a"), print)
+        for case in (own, other)
+    )
+    assert ours.verdict.startswith("agree")
+    assert theirs.verdict == ""
+    assert theirs.conclusions == (
+        "Not judged: only the figures of nrel5mw-rated were looked at beside the paper's.",
+    )

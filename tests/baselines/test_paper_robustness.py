@@ -79,7 +79,7 @@ def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
     assert designed.rbm_rms.mean < -0.05
     assert noise.flap_travel > designed.flap_travel
     assert delayed.rbm_rms.mean > designed.rbm_rms.mean
-    text = " ".join(part for part in trials_section(found, trial).content if isinstance(part, str))
+    text = " ".join(part for part in trials_section(found, trial).parts if isinstance(part, str))
     assert "lqg loses most under noise" in text
 
 
@@ -102,4 +102,4 @@ def test_effects_are_told_against_open_loop_and_the_base_case():
     section = effects_section(found, {"lqg": "LQG", "pd": "PD"}, calm, 3)
     assert section.content[1].rows[1][5].startswith("+10.0")
     assert section.content[3].rows[1][4] == "1.70"
-    assert "+70 % of inertial" in section.content[-1]
+    assert "+70 % of inertial" in section.conclusions[-1]

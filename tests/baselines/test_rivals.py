@@ -191,7 +191,7 @@ def test_a_finished_batch_is_not_computed_again(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(study_module, "TIMED", 10.0)
     alike = dict.fromkeys(("lqg", "pd", "pid", "lqg_calm"), EqualLoad(-0.2, 0.04, 0.05, 0.04, 0.1, 0.01))
     monkeypatch.setattr(study_module, "PREVIEWS", ())
-    monkeypatch.setattr(study_module, "HORIZONS", {"1.3 s": (1, 2), "0.1 s": (1, 1)})
+    monkeypatch.setattr(study_module, "HORIZONS", (((1, 2), ""), ((1, 1), "")))
     monkeypatch.setattr(study_module, "margins", lambda *_: np.ones(8))
     monkeypatch.setattr(study_module, "at_equal_load", lambda model, weights, noise: alike)
     arguments = ["--realisations", "2", "--duration", "10", "--output", str(tmp_path)]

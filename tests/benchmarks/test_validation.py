@@ -17,6 +17,7 @@ from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.build import build_model
 from flapgym.structure.rotation import about_y, about_z
 from flapgym.turbine import load_case
+from tests.scaled import small_case
 
 REVOLUTION = 2.0 * np.pi * 63.0 / 77.0
 STEPS = [
@@ -135,7 +136,8 @@ def test_a_limit_says_how_far_beyond_a_value_lies(limit, value, beyond):
 
 
 def test_outcome_is_told_as_a_share_of_the_nearest_value():
-    assert outcome(Row("", Unit("m"), 0.777, {"BeamDyn": 1.0}, Within(0.06))) == "**missed** by 16 %, low"
+    assert outcome(Row("", Unit("m"), 0.777, {"BeamDyn": 1.0}, Within(0.06))) == "**16.3 % too low**"
+    assert outcome(Row("", Unit("m"), 4.5, {"one": 1.0, "other": 4.0}, Within(0.1))) == "**2.5 % too high**"
     assert outcome(Row("", Unit("m"), 1.0, {"BeamDyn": 1.0}, Within(0.06))) == "met"
     assert outcome(Row("", Unit("m"), 1.0, {"BeamDyn": 1.0})) == ""
 
@@ -224,30 +226,55 @@ def test_correlation_is_at_least_what_was_found(comparison):
         assert found(comparison, f"Turbulence, {name}", "RBM, correlation of the two").met
 
 
-def test_the_program_fills_page_and_folder_from_a_model_file(tmp_path, capsys):
+def test_corrected_turbine_misses_three_rows_at_most_and_by_less_than_two_percent():
+    """Against OpenFAST's figures: the flap's moment, and two points of the rigid step."""
+    tables = compare(load_model("nrel5mw-corrected")).tables
+    missed = {
+        (heading, row.quantity): row for heading, rows in tables.items() for row in rows if row.met is False
+    }
+    assert missed.keys() <= {
+        ("Flap, all blades alike", "RBM"),
+        ("Rigid rotor", "RBM, 0.2 s after a step of 1 m/s"),
+        ("Rigid rotor", "RBM, peak after it"),
+    }
+    for row in missed.values():
+        assert abs(row.beyond) < 0.02 * max(row.independent.values())
+
+
+def test_corrected_turbine_and_the_papers_are_compared_unless_others_are_asked_for(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert "(default: nrel5mw-corrected nrel5mw-rated)" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    """A model file."""
     case = load_case("nrel5mw-rated")
     grid = replace(case.discretisation, chordwise_panels=3, wake_length=0.05)
     reduction = replace(case.reduction, blade_modes=4, tower_modes=6, aerodynamic_states=15)
-    model = build_model(replace(case, name="coarse", discretisation=grid, reduction=reduction))
-    save_model(model, tmp_path / "coarse.safetensors")
+    path = tmp_path_factory.mktemp("models") / "coarse.safetensors"
+    save_model(build_model(replace(case, name="coarse", discretisation=grid, reduction=reduction)), path)
+    return path
+
+
+def test_the_program_fills_page_and_folder_with_models_side_by_side(coarse, tmp_path, capsys):
     page = tmp_path / "page.md"
     page.write_text("before\n<!-- comparison -->\nold\n<!-- end -->\nafter\n")
-    given = [
-        "--model",
-        str(tmp_path / "coarse.safetensors"),
-        "--output",
-        str(tmp_path / "out"),
-        "--docs",
-        str(page),
-    ]
-    assert main(given) == 0
-    assert "coarse: " in capsys.readouterr().out
+    models = ["--model", str(coarse), "nrel5mw-rated"]
+    assert main([*models, "--output", str(tmp_path / "out"), "--docs", str(page)]) == 0
+    said = capsys.readouterr().out
+    assert "coarse: " in said
+    assert "nrel5mw-rated: 7 of 24 met" in said
     text = page.read_text()
-    assert text.startswith("before\n<!-- comparison -->\n| quantity |")
+    assert text.startswith("before\n<!-- comparison -->\n| quantity | independent | held to | `coarse` | ")
     assert text.endswith("\n<!-- end -->\nafter\n")
-    rows = json.loads((tmp_path / "out" / "validation.json").read_text())["rows"]
+    one, other = json.loads((tmp_path / "out" / "validation.json").read_text())
+    assert (one["model"], other["model"]) == ("coarse", "nrel5mw-rated")
     told = [line for line in text.splitlines() if line.startswith("| ") and not line.startswith("| **")]
-    assert len(rows) == len(told) - 2  # head and rule
+    assert len(one["rows"]) == len(other["rows"]) == len(told) - 2  # head and rule
+    deviation = next(line for line in told if line.startswith("| RBM, standard deviation [MN m] | BeamDyn"))
+    assert deviation.endswith(" | 0.852 | 0.78: **16.3 % too low** |")
     for path in (tmp_path / "out" / "validation.png", tmp_path / "figures" / "validation.png"):
         assert path.stat().st_size > 50_000
 
@@ -270,3 +297,11 @@ def test_bad_input_is_one_line_before_any_work(given, said, tmp_path, capsys):
 def test_a_model_in_other_wind_is_refused():
     with pytest.raises(ValueError, match="expected a wind_speed of 11 m/s"):
         compare(replace(load_model("nrel5mw-rated"), wind_speed=9.0))
+
+
+def test_a_model_of_another_turbine_is_refused():
+    other = replace(load_model("nrel5mw-rated"), case=small_case(2.0).to_dict())
+    with pytest.raises(
+        ValueError, match="turbine: expected nrel5mw, got scaled15mw, which differs in rotor, hub"
+    ):
+        compare(other)

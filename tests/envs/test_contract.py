@@ -246,6 +246,17 @@ def test_impossible_reset_options_are_refused_by_name(model_file, options, name)
         ("full_info", "yes"),
         ("record_samples", 2),
         ("render_mode", "ansi"),
+        ("render_mode", []),
+        ("render_mode", np.array(["human", "rgb_array"])),
+        ("kernel", np.array(["numba", "numpy"])),
+        ("precision", []),
+        ("observe", {"rbm", "flap_angle"}),
+        ("observe", {"rbm": 1}),
+        ("observe", b"rbm"),
+        ("stuck_flaps", {0.01, 0.02, None}),
+        ("flap_effectiveness", {0.1, 0.2, 0.3}),
+        ("turbulence_intensity", {0.1}),
+        ("realisation_pool", 10**12),
     ],
 )
 def test_impossible_keywords_are_refused_by_name(model_file, keyword, value):
@@ -259,13 +270,36 @@ def test_a_model_that_is_neither_name_nor_file_is_refused_by_name():
 
 
 def test_an_unknown_keyword_is_refused_by_name(model_file):
-    with pytest.raises(TypeError, match="turbulence_intensty"):
+    with pytest.raises(
+        TypeError, match="argument 'turbulence_intensty'; did you mean 'turbulence_intensity'"
+    ):
         _make(model_file, turbulence_intensty=0.1)
 
 
+@pytest.mark.parametrize("vector", [False, True])
+def test_an_unknown_keyword_is_refused_in_the_words_that_other_libraries_look_for(model_file, vector):
+    make = (
+        (lambda **more: gymnasium.make_vec(ID, num_envs=2, **more))
+        if vector
+        else (lambda **more: gymnasium.make(ID, **more))
+    )
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'"):
+        make(model=model_file, frameskip=4)
+
+    def native(model):
+        """The words of Python itself."""
+
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'"):
+        native(model=1, frameskip=4)
+
+
 def test_a_limit_of_steps_is_refused_with_what_to_give(model_file):
-    with pytest.raises(TypeError, match="max_episode_steps: expected duration in its place"):
+    with pytest.raises(
+        ValueError, match="max_episode_steps: expected 572, .* got 5; give duration in its place"
+    ):
         gymnasium.make_vec(ID, num_envs=2, model=model_file, max_episode_steps=5)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'max_episode_steps'; give duration"):
+        flapgym.envs.FlapEnv(model=model_file, max_episode_steps=5)
 
 
 @pytest.mark.parametrize(
@@ -446,3 +480,25 @@ def test_an_environment_of_a_model_that_no_file_holds_can_be_copied(copied):
     env = flapgym.envs.FlapEnv(model=synthetic_model())
     env.reset(seed=0)
     np.testing.assert_array_equal(copied(env).step(np.ones(3))[0], env.step(np.ones(3))[0])
+
+
+def test_a_wind_speed_that_differs_in_the_last_digits_is_told_from_the_model_s(model_file):
+    with pytest.raises(
+        ValueError, match=r"built for 11 m/s, got 11\.000001 m/s; .*wind_speed = \"11\.000001 m/s\""
+    ):
+        _make(model_file, wind_speed=11.000001)
+
+
+def test_a_recording_that_is_too_short_is_refused_with_the_duration_that_fits(model_file, tmp_path):
+    rows = "".join(f"{1704067200 + second}, 11.5\n" for second in range(21))
+    (tmp_path / "mast.csv").write_text(f"time [s], wind [m/s]\n{rows}")
+    gust = {"kind": "recorded", "file": str(tmp_path / "mast.csv")}
+    with pytest.raises(
+        ValueError, match=r"duration: .*at most 19\.985 s, whole actions of 0\.035 s.* got 20 s"
+    ):
+        _make(model_file, gust=gust, duration=20.0)
+    assert _make(model_file, gust=gust, duration=19.985).reset(seed=0)[0].shape == (3,)
+    with pytest.raises(
+        ValueError, match=r"gust.start: .* holds 1704067200 to 1704067220 s; .* got 1704067100\.5 s"
+    ):
+        _make(model_file, gust=gust | {"start": 1704067100.5}, duration=5.0)

@@ -54,7 +54,8 @@ def test_a_gust_and_turbulence_add_up():
             both[part], turbulence[part] + gust[part], atol=1e-10 * np.abs(both[part]).max()
         )
     time = STEP * np.arange(len(gust[1]))
-    np.testing.assert_allclose(gust[1], gust_of(GUST).wind(time, 11.0), atol=1e-12)
+    sized = {**GUST, "rotor_diameter": 126.0, "hub_height": 90.0}
+    np.testing.assert_allclose(gust[1], gust_of(sized).wind(time, 11.0), atol=1e-12)
 
 
 def test_a_recorded_gust_is_made_again_from_json(tmp_path):
@@ -200,7 +201,7 @@ def test_impossible_keywords_are_refused_by_name(keywords, message):
 def test_a_recording_that_ends_early_is_refused_before_the_first_episode(tmp_path):
     path = tmp_path / "wind.csv"
     path.write_text("time [s], wind [m/s]\n0, 12\n10, 12\n")
-    with pytest.raises(ValueError, match="the episode wants 0 to 20"):
+    with pytest.raises(ValueError, match=r"lasts 10 s .* at most 9\.975 s.* got 20 s"):
         _env(gust={"kind": "recorded", "file": str(path)})
 
 

@@ -14,14 +14,14 @@ import pytest
 from flapgym.aeroelastic.model import load_model, save_model
 from flapgym.control import OpenLoop, PDGains, Policy, Weights, lqg_agent, pd_agent, save_agent
 from flapgym.control.closed_loop import closed_loop, with_effectiveness
-from flapgym.evaluation import as_markdown, as_text, compare, plan, simulate
+from flapgym.evaluation import SCORED_SEED, as_markdown, as_text, compare, measure, plan, simulate
 from flapgym.evaluation.figure import draw_figure
 from flapgym.evaluation.report import as_csv, write_report
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
-CHANGES = ("rbm_rms_change", "tip_rms_change", "rbm_del_change", "tower_rms_change")
-FIGURES = ("rbm_rms", "flap_angle_max", "flap_rate_max", "flap_travel")
+CHANGES = ("rbm_rms_change", "tip_rms_change", "rbm_del_change", "rbm_del_summed_change", "tower_rms_change")
+FIGURES = ("rbm_rms", "rbm_del", "flap_angle_max", "flap_rate_max", "flap_travel")
 
 
 def _policy():
@@ -66,7 +66,7 @@ def test_the_json_has_every_agent_and_number(results):
 def test_open_loop_changes_nothing(results):
     agents = json.loads((results[1] / "compare.json").read_text())["agents"]
     assert all(agents["open_loop"][change] == {"mean": 0.0, "low": 0.0, "high": 0.0} for change in CHANGES)
-    assert all(agents["open_loop"][name] == 0.0 for name in FIGURES[1:])
+    assert all(agents["open_loop"][name] == 0.0 for name in FIGURES[2:])
 
 
 def test_controllers_reduce_the_load(results):
@@ -84,6 +84,26 @@ def test_table_spreadsheet_and_figure_say_the_same(results):
     assert cell in (folder / "compare.md").read_text()
     assert cell in as_text(comparison)
     assert (folder / "compare.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_both_ways_to_join_the_realisations_damage_are_named_and_follow_from_each_load(results):
+    comparison, folder = results
+    loads = {
+        agent.name: measure(simulate(agent, MODEL, range(SCORED_SEED, SCORED_SEED + 3), 20.0)).rbm_del
+        for agent in (OpenLoop(), AGENTS[0])
+    }
+    ours, still = loads["pd"], loads["open_loop"]
+    score = comparison.scores["pd"]
+    assert score.rbm_del_change.mean == pytest.approx(float(np.mean(ours / still)) - 1.0)
+    # Histories of one length: damage adds, and at slope 10 it goes as the tenth power.
+    summed = {name: np.mean(load**10.0) ** 0.1 for name, load in loads.items()}
+    assert score.rbm_del_summed_change.mean == pytest.approx(summed["pd"] / summed["open_loop"] - 1.0)
+    assert score.rbm_del == pytest.approx(summed["pd"])
+    header = (folder / "compare.md").read_text().splitlines()[2]
+    for name in ("| RBM DEL [%] |", "| RBM DEL, damage summed [%] |", "| RBM DEL [MN m] |"):
+        assert name in header
+    assert f"{score.rbm_del / 1e6:.3f}" in as_text(comparison)
+    assert "mean of the ratios" in as_text(comparison)
 
 
 def test_an_agent_of_another_model_is_marked(results):

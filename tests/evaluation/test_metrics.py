@@ -1,11 +1,20 @@
 """Metrics against the ASTM worked example, closed forms and hand-made series."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import rainflow
 
-from flapgym.evaluation.bootstrap import paired_change
-from flapgym.evaluation.metrics import Record, damage_equivalent_load, measure, turning_points
+from flapgym.evaluation.bootstrap import paired_change, summed_damage_change
+from flapgym.evaluation.metrics import (
+    Record,
+    damage_equivalent_load,
+    measure,
+    root_mean_square,
+    summed_damage_load,
+    turning_points,
+)
 
 ASTM = [-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0]
 ASTM_RANGES = {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
@@ -90,3 +99,101 @@ def test_an_unchanged_agent_changes_by_nothing():
     reference = np.random.default_rng(1).uniform(1.0, 2.0, (5, 3))
     assert paired_change(reference, reference) == paired_change(np.zeros(4), np.zeros(4))
     assert paired_change(reference, reference).low == 0.0
+
+
+def test_a_ramp_does_the_damage_of_half_a_cycle():
+    ramp = np.linspace(0.0, 10.0, 250)
+    # Half a cycle of range 10 in 2.5 s at slope 10.
+    assert damage_equivalent_load(ramp, 0.01) == pytest.approx(10.0 * (0.5 / 2.5) ** 0.1, rel=1e-12)
+    assert damage_equivalent_load(ramp, 0.01) == pytest.approx(8.5134, abs=5e-5)
+    assert damage_equivalent_load([3.0], 0.01) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        (
+            {"series": [0.0, np.nan, 1.0]},
+            r"damage_equivalent_load.series: expected a finite number, got nan at \[1\]",
+        ),
+        (
+            {"series": np.ma.masked_array([0.0, 9.0, 1.0], [False, True, False])},
+            "series: expected every number, got a masked",
+        ),
+        ({"series": []}, r"series: expected one or more numbers along 1 axis, got shape \(0,\)"),
+        ({"series": [[0.0, 1.0]]}, r"series: expected one or more numbers along 1 axis, got shape \(1, 2\)"),
+        ({"series": ["0", "1"]}, "series: expected real numbers"),
+        ({"series": [1j, 0.0]}, "series: expected real numbers"),
+        ({"slope": 0.0}, "slope: expected 0 < number, got 0"),
+        ({"slope": -3.0}, "slope: expected 0 < number, got -3"),
+        ({"slope": np.nan}, "slope"),
+        ({"equivalent_frequency": 0.0}, "equivalent_frequency: expected 0 Hz < frequency, got 0 Hz"),
+        ({"time_step": 0.0}, "time_step: expected 0 s < time, got 0 s"),
+        ({"time_step": -0.01}, "time_step: expected 0 s < time, got -0.01 s"),
+        ({"time_step": "0.01"}, "time_step"),
+    ],
+)
+def test_what_has_no_damage_equivalent_load_is_refused(changed, text):
+    given = {"series": [0.0, 2.0, 1.0], "time_step": 0.01} | changed
+    with pytest.raises(ValueError, match=text):
+        damage_equivalent_load(**given)
+
+
+def test_damage_adds_over_realisations_where_the_mean_of_ratios_does_not():
+    # At slope 2 a realisation of three times the load does nine times the damage.
+    ours, reference = np.array([[1.0], [3.0]]), np.array([[2.0], [3.0]])
+    change = summed_damage_change(ours, reference, slope=2.0)
+    assert change.mean == pytest.approx(np.sqrt((1.0 + 9.0) / (4.0 + 9.0)) - 1.0)
+    assert paired_change(ours, reference).mean == pytest.approx(-0.25)
+    assert change.low == pytest.approx(-0.5)
+    assert change.high == pytest.approx(0.0)
+
+
+def test_the_load_of_all_realisations_together_is_that_of_their_histories_end_to_end():
+    rng = np.random.default_rng(3)
+    # Each begins and ends at the bottom, so that no cycle spans two of them.
+    histories = [
+        np.concatenate([[-9.0], size * rng.standard_normal(400), [-9.0]]) for size in (1.0, 1.5, 2.0)
+    ]
+    each = np.array([damage_equivalent_load(history, 0.1, 4.0) for history in histories])
+    joined = damage_equivalent_load(np.concatenate(histories), 0.1, 4.0)
+    assert summed_damage_load(each, 4.0) == pytest.approx(joined, rel=5e-3)
+
+
+@pytest.mark.parametrize("function", [paired_change, summed_damage_change])
+@pytest.mark.parametrize(
+    ("values", "reference", "text"),
+    [
+        ([1.0, np.nan], [1.0, 1.0], "values: expected 0 <= number, got nan"),
+        ([1.0, 1.0], [1.0, 0.0], "reference: expected a positive number beside a value above 0, got 0"),
+        ([1.0, -1.0], [1.0, 1.0], "values"),
+        ([1.0, 1.0], [1.0], "no pairs"),
+        ([], [], "values"),
+    ],
+)
+def test_pairs_without_a_ratio_are_refused(function, values, reference, text):
+    with pytest.raises(ValueError, match=text):
+        function(values, reference)
+
+
+@pytest.mark.parametrize("series", [[], [np.nan], np.ma.masked_array([1.0], [True]), ["one"]])
+def test_a_root_mean_square_of_what_is_no_series_is_refused(series):
+    with pytest.raises(ValueError, match="root_mean_square.series"):
+        root_mean_square(series)
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"rbm": np.full((1, 5, 3), np.nan)}, "record.rbm: expected a finite number"),
+        ({"rbm": np.zeros((2, 5, 3))}, r"record.tip_deflection: expected shape \(2, 5, 3\)"),
+        ({"time_step": 0.0}, "record.time_step"),
+        ({"wind": np.zeros((1, 4))}, r"record.wind: expected shape \(1, 5\)"),
+    ],
+)
+def test_a_record_without_metrics_is_refused(changed, text):
+    blades, one = np.zeros((1, 5, 3)), np.zeros((1, 5))
+    fine = Record(blades, blades, blades, blades, one, one, one, np.zeros(1), 0.01)
+    assert measure(fine).rbm_del.tolist() == [[0.0, 0.0, 0.0]]
+    with pytest.raises(ValueError, match=text):
+        measure(replace(fine, **changed))

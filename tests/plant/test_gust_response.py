@@ -21,7 +21,8 @@ from tests.synthetic import synthetic_model
 )
 def test_a_gust_loads_the_turbine_as_stepping_its_matrices_does(model):
     time = model.time_step * np.arange(2501)
-    wind = gust_of({"kind": "extreme_operating_gust", "start": 2.0}).wind(time, model.wind_speed)
+    gust = {"kind": "extreme_operating_gust", "start": 2.0, "rotor_diameter": 126.0, "hub_height": 90.0}
+    wind = gust_of(gust).wind(time, model.wind_speed)
     response = wind_response(wind_modes(model), wind, 0.0)
     plain = run(model, np.zeros((2500, 3)), wind, azimuth=0.4)
     azimuth = 0.4 + model.rotor_speed * time

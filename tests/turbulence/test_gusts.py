@@ -13,6 +13,7 @@ from flapgym.turbulence.gusts import ExtremeOperatingGust
 from flapgym.turbulence.recording import read_wind
 
 MEAN = 11.0
+SIZE = {"rotor_diameter": 126.0, "hub_height": 90.0}
 TIME = np.linspace(-1.0, 20.0, 2101)
 
 
@@ -43,29 +44,29 @@ def test_a_sinusoid_has_its_frequency_and_begins_without_a_jump():
 
 @pytest.mark.parametrize("intensity, letter", [(0.16, "A"), (0.14, "B"), (0.12, "C")])
 def test_the_extreme_gust_has_the_magnitude_of_the_standard_below_its_yearly_limit(intensity, letter):
-    gust = ExtremeOperatingGust(turbulence_class=letter)
+    gust = ExtremeOperatingGust(turbulence_class=letter, **SIZE)
     sigma = intensity * (0.75 * MEAN + 5.6)
     assert gust.magnitude(MEAN) == pytest.approx(3.3 * sigma / (1.0 + 0.1 * 126.0 / 42.0))
 
 
 def test_in_a_storm_the_yearly_extreme_bounds_the_extreme_gust():
     # V_e1 = 0.8 * 1.4 * 37.5 = 42 m/s: 1.35 (42 - 40).
-    assert ExtremeOperatingGust(turbine_class="III").magnitude(40.0) == pytest.approx(2.7)
+    assert ExtremeOperatingGust(turbine_class="III", **SIZE).magnitude(40.0) == pytest.approx(2.7)
 
 
 def test_a_low_hub_has_a_shorter_turbulence_scale():
-    low = ExtremeOperatingGust(hub_height=40.0).magnitude(MEAN)
+    low = ExtremeOperatingGust(rotor_diameter=126.0, hub_height=40.0).magnitude(MEAN)
     sigma = 0.16 * (0.75 * MEAN + 5.6)
     assert low == pytest.approx(3.3 * sigma / (1.0 + 0.1 * 126.0 / 28.0))
 
 
 def test_the_extreme_gust_dips_peaks_at_half_time_and_dips_again():
-    wind = _wind({"kind": "extreme_operating_gust", "start": 2.0})
-    magnitude = ExtremeOperatingGust().magnitude(MEAN)
+    wind = _wind({"kind": "extreme_operating_gust", "start": 2.0, **SIZE})
+    magnitude = ExtremeOperatingGust(**SIZE).magnitude(MEAN)
     assert wind.max() == pytest.approx(0.74 * magnitude, rel=1e-6)
     assert TIME[wind.argmax()] == pytest.approx(2.0 + 5.25)
     np.testing.assert_allclose(
-        _wind({"kind": "extreme_operating_gust", "start": 2.0}, [5.5, 9.0]), 0.0, atol=1e-12
+        _wind({"kind": "extreme_operating_gust", "start": 2.0, **SIZE}, [5.5, 9.0]), 0.0, atol=1e-12
     )
     dips = wind[(TIME > 2.0) & (TIME < 5.5)].min(), wind[(TIME > 9.0) & (TIME < 12.5)].min()
     # Largest of sin(3 pi x) (1 - cos(2 pi x)) before x = 1/3, from its derivative: 0.9233 at x = 0.2131.
@@ -77,8 +78,8 @@ def test_the_extreme_gust_dips_peaks_at_half_time_and_dips_again():
 
 def test_the_mean_of_the_extreme_gust_is_its_integral():
     time = np.linspace(0.0, 10.5, 10001)
-    wind = _wind({"kind": "extreme_operating_gust"}, time)
-    magnitude = ExtremeOperatingGust().magnitude(MEAN)
+    wind = _wind({"kind": "extreme_operating_gust", **SIZE}, time)
+    magnitude = ExtremeOperatingGust(**SIZE).magnitude(MEAN)
     assert np.trapezoid(wind, time) / 10.5 == pytest.approx(0.37 * 8.0 / (15.0 * np.pi) * magnitude, rel=1e-6)
 
 
@@ -106,8 +107,11 @@ def test_a_recording_may_start_later_and_holds_what_blew_before(tmp_path):
     path.write_text("time [s], wind_perturbation [m/s]\n10, 0\n20, 5\n")
     wind = _wind({"kind": "recorded", "file": str(path), "start": 12.0}, [-1.0, 0.0, 8.0])
     np.testing.assert_allclose(wind, [1.0, 1.0, 5.0])
-    for start in (9.0, 13.0):
-        with pytest.raises(ValueError, match="holds 10 to 20 s.*shorter duration"):
+    for start, message in (
+        (9.0, "holds 10 to 20 s.* got 9 s"),
+        (13.0, "until 20 s.* duration of at most 7 s"),
+    ):
+        with pytest.raises(ValueError, match=message):
             _wind({"kind": "recorded", "file": str(path), "start": start}, [0.0, 8.0])
 
 

@@ -18,7 +18,7 @@ from flapgym.aerodynamics.linearisation import (
 from flapgym.aerodynamics.loads import FullLoads
 from flapgym.aerodynamics.model import Aerodynamics
 from flapgym.aerodynamics.response import collective_response, steady_response, transfer_function
-from flapgym.aerodynamics.rotor import build_aerodynamics, build_mean_aerodynamics
+from flapgym.aerodynamics.rotor import build_aerodynamics, build_mean_aerodynamics, mean_is_perturbations
 from flapgym.aerodynamics.steady import MeanLoads, mean_loads, momentum_induction
 from flapgym.turbine import Case
 
@@ -91,7 +91,8 @@ def rigid_rotor(case: Case, blades: int = 3) -> RigidRotor:
 def _rigid_flow(case: Case, aero: Aerodynamics, blades: int) -> MeanFlow:
     chosen = case.airloads.mean_induction
     if case.airloads.mean_wake == "perturbations":
-        return MeanFlow(aero, mean_loads(case, aero))
+        same = aero if mean_is_perturbations(case) else build_mean_aerodynamics(case, 0.0, blades)
+        return MeanFlow(same, mean_loads(case, same))
     induction = 0.0 if chosen == "momentum" else chosen
     while True:
         mean = build_mean_aerodynamics(case, induction, blades)

@@ -144,20 +144,23 @@ def build_mean_aerodynamics(
 ) -> Aerodynamics:
     """The same with the wake that the case asks for behind the mean load, slowed by an induction: for steady flow only.
 
-    Strips have the flat plate's lift slope; the wake's rows are as long as the rotor takes to turn by `MEAN_WAKE_TURN`.
-    Parameters as for `build_aerodynamics`.
-
-    Raises
-    ------
-    ValueError
-        If the case has no mean wake of its own.
+    Strips have the flat plate's lift slope. The rows of a wake of its own are as long as the rotor takes to turn by
+    `MEAN_WAKE_TURN`; the perturbations' wake keeps its own rows and its own induction. Parameters as for
+    `build_aerodynamics`.
     """
     if case.airloads.mean_wake == "perturbations":
-        raise ValueError("airloads.mean_wake: expected a length in rotor diameters, got 'perturbations'")
+        inflow = rotor_inflow(case, case.discretisation.induction)
+        return _assembled(case, inflow, None, blades, positions, turned, "closed", wake_rows(case), None)
     inflow, step = rotor_inflow(case, induction), MEAN_WAKE_TURN / case.rotor_speed
     length = case.airloads.mean_wake * 2.0 * case.turbine.rotor.radius
     rows = max(1, round(length / (inflow.wake_velocity[0] * step)))
     return _assembled(case, inflow, None, blades, positions, turned, "closed", rows, step)
+
+
+def mean_is_perturbations(case: Case) -> bool:
+    """Whether one lattice serves for both: the same wake, and flat plates' lift slopes."""
+    same_wake = case.airloads.mean_wake == "perturbations"
+    return same_wake and case.airloads.lift_slope == "thin aerofoil"
 
 
 def _assembled(

@@ -18,6 +18,7 @@ from flapgym.aerodynamics import (
     mean_loads,
     momentum_induction,
 )
+from flapgym.aerodynamics.rotor import mean_is_perturbations
 from flapgym.aeroelastic.interaction import interpolation, lattice_shape
 from flapgym.state_space import Array
 from flapgym.structure import EquilibriumError, LinearBlade, linear_blade
@@ -84,19 +85,21 @@ def trim(case: Case, blades: int = 3) -> Trim:
                 f"{case.rotor_speed:.3g} rad/s ({error}); lower wind_speed or tip_speed_ratio"
             ) from error
 
+    airloads = case.airloads
+    by_momentum = airloads.mean_wake != "perturbations" and airloads.mean_induction == "momentum"
     blade, induction, move = bend(None), _induction_to_start_with(case), np.inf
     for iteration in range(1, MAX_ITERATIONS + 1):
-        mean = _mean_lattice(case, blade, induction, blades)
+        mean = build_mean_aerodynamics(case, induction, blades, *lattice_shape(case, blade))
         loads = mean_loads(case, mean)
         # The first loaded shape lies far from the unloaded one, the next ones near it.
         after = bend(nodal_load(blade, loads), blade if iteration > 1 else None)
         move = float(np.linalg.norm(after.position - blade.position, axis=1).max())
         settled = move < TOLERANCE
-        if case.airloads.mean_induction == "momentum" and not settled:
+        if by_momentum and not settled:
             induction = momentum_induction(loads.thrust_coefficient)
         blade = after
         if settled:
-            rotor = mean if _same_wake(case) else deflected_lattice(case, blade, blades)
+            rotor = mean if mean_is_perturbations(case) else deflected_lattice(case, blade, blades)
             return Trim(blade, rotor, mean, loads, induction, iteration)
     raise ValueError(
         f"operating_point: blade and lattice still move by {move:.3g} m after {MAX_ITERATIONS} rounds; "
@@ -104,21 +107,11 @@ def trim(case: Case, blades: int = 3) -> Trim:
     )
 
 
-def _same_wake(case: Case) -> bool:
-    return case.airloads.mean_wake == "perturbations"
-
-
 def _induction_to_start_with(case: Case) -> float:
-    if _same_wake(case):
+    if case.airloads.mean_wake == "perturbations":
         return case.discretisation.induction
     chosen = case.airloads.mean_induction
     return 0.0 if chosen == "momentum" else chosen
-
-
-def _mean_lattice(case: Case, blade: LinearBlade, induction: float, blades: int) -> Aerodynamics:
-    if _same_wake(case):
-        return deflected_lattice(case, blade, blades)
-    return build_mean_aerodynamics(case, induction, blades, *lattice_shape(case, blade))
 
 
 def deflected_lattice(case: Case, blade: LinearBlade, blades: int) -> Aerodynamics:

@@ -8,17 +8,19 @@ import pytest
 from flapgym.aerodynamics import (
     build_aerodynamics,
     collective_response,
+    flap_downwash,
     gust_downwash,
     mean_loads,
     root_moment_load,
     steady_circulation,
+    steady_response,
 )
 from flapgym.aerodynamics.lattice import build_lattice
 from flapgym.aerodynamics.model import assemble
 from flapgym.aerodynamics.rotor import blade_edges, strip_radius
 from flapgym.aerodynamics.steady import incidence_downwash
 from flapgym.aerodynamics.transport import (
-    WakeTransport,
+    WakeState,
     displaced_wake_downwash,
     march_case,
     moving_wake_response,
@@ -28,6 +30,7 @@ from flapgym.aerodynamics.transport import (
 
 # Root moment per m/s from 11 to 12 m/s, rigid rotor, by OpenFAST's free vortex wake: at its peak and in the end [MN m].
 FREE_WAKE = 0.887, 0.845
+FREE_WAKE_FLAP = 0.116  # per degree of flap, in the end [MN m]
 DURATION = 20.0
 
 
@@ -47,8 +50,14 @@ def shed(long_case, long_wake):
 
 
 @pytest.fixture(scope="module")
-def state(case, shed):
+def states(case, shed):
     return wake_transport(case, shed)
+
+
+@pytest.fixture(scope="module")
+def state(states):
+    """Of the wind."""
+    return states.wind
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +81,7 @@ def fixed_step(case, aero):
 def short_and_state(case, rotor, state):
     """The same by the case's own lattice behind the state."""
     time, moment = fixed_step(case, rotor)
-    return time, state.state_space(rotor.time_step).simulate(moment)[:, 0]
+    return time, state.state_space(rotor.time_step, "wind").simulate(moment)[:, 0]
 
 
 def end_over_peak(response):
@@ -131,15 +140,15 @@ def test_a_long_fixed_wake_falls_far_more(long_case, long_wake):
 
 
 def test_state_does_not_depend_on_the_size_of_the_march(case, state, shed):
-    fine = wake_transport(case, shed, panels=6)
+    fine = wake_transport(case, shed, panels=6).wind
     assert fine.gain == pytest.approx(state.gain, rel=0.005)
     assert fine.time_constant == pytest.approx(state.time_constant, rel=0.02)
-    longer = wake_transport(case, shed, wake_length=3.0)
+    longer = wake_transport(case, shed, wake_length=3.0).wind
     assert longer.gain == pytest.approx(state.gain, rel=0.02)
 
 
 def test_slow_flow_at_the_same_tip_speed_ratio_has_the_same_gain_and_a_lag_longer_in_proportion(
-    case, state, shed
+    case, states, shed
 ):
     half = replace(
         case,
@@ -147,14 +156,35 @@ def test_slow_flow_at_the_same_tip_speed_ratio_has_the_same_gain_and_a_lag_longe
         discretisation=replace(case.discretisation, time_step=2.0 * case.discretisation.time_step),
     )
     slow = wake_transport(half, 0.5 * shed)
-    assert slow.gain == pytest.approx(state.gain, rel=1e-6)
-    assert slow.time_constant == pytest.approx(2.0 * state.time_constant, rel=1e-4)
+    for ours, theirs in ((slow.wind, states.wind), (slow.flap, states.flap)):
+        assert ours.gain == pytest.approx(theirs.gain, rel=1e-5)
+        assert ours.time_constant == pytest.approx(2.0 * theirs.time_constant, rel=1e-3)
 
 
 def test_state_is_exact_for_a_wind_that_is_linear_between_steps():
     step, lag = 0.3, 0.8
-    system = WakeTransport(gain=0.1, time_constant=lag, misfit=0.0).state_space(step)
+    system = WakeState(gain=0.1, time_constant=lag, misfit=0.0).state_space(step, "wind")
     time = np.arange(40) * step
     ramp = system.simulate(time[:, None])[:, 0]
     np.testing.assert_allclose(ramp, time + 0.1 * (time - lag * (1.0 - np.exp(-time / lag))), atol=1e-12)
     assert system.dc_gain().item() == pytest.approx(1.1)
+
+
+def test_state_takes_off_a_steady_flap_what_a_free_wake_does(case, rotor, states):
+    turned = flap_downwash(rotor, case.flap)[0][:, None]
+    moment = steady_response(rotor, turned, root_moment_load(rotor, case)).item() * np.radians(1.0) / 1e6
+    assert moment == pytest.approx(1.07 * FREE_WAKE_FLAP, rel=0.01)
+    assert moment * (1.0 + states.flap.gain) == pytest.approx(FREE_WAKE_FLAP, rel=0.01)
+
+
+def test_flap_s_state_follows_a_long_fixed_wake(case, rotor, long_case, long_wake, states):
+    """Slow angles alone are taken down: a flap moves no wake."""
+    moments = []
+    for of, aero in ((case, rotor), (long_case, long_wake)):
+        step = np.ones((round(DURATION / aero.time_step), 1))
+        turned = flap_downwash(aero, case.flap)[0][:, None]
+        moments.append(collective_response(aero, step, turned, root_moment_load(aero, of)))
+    ours = states.flap.state_space(rotor.time_step, "flap").simulate(moments[0])[:, 0]
+    time, late = (np.arange(len(m)) * a.time_step for m, a in zip(moments, (rotor, long_wake), strict=True))
+    wanted = np.interp(time, late, moments[1][:, 0])
+    np.testing.assert_allclose(ours[time > 0.1], wanted[time > 0.1], rtol=0.02)

@@ -18,6 +18,7 @@ from flapgym.aeroelastic.harmonics import fourier_series, simulate_periodic, sys
 from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.aeroelastic.uneven import assemble_uneven, multiblade_equations, uneven_equations
+from flapgym.state_space import series
 from flapgym.structure import assemble
 from flapgym.turbine import load_case
 
@@ -38,6 +39,39 @@ def equal():
     """Parts of equal blades and their lattice's two components."""
     parts, aero = assemble_parts(coarse())
     return parts, [reduce_stacked(aero, [parts.lattice], m, 8) for m in (0, 1)]
+
+
+def small_corrected(**blades):
+    """The corrected turbine, as small; a short mean wake of its own, and the states of a moving one."""
+    corrected = load_case("nrel5mw-corrected")
+    airloads = replace(corrected.airloads, mean_wake=0.1, mean_induction=0.2)
+    return replace(coarse(**blades), airloads=airloads)
+
+
+def test_corrected_turbine_of_equal_blades_is_the_time_invariant_form_at_every_azimuth():
+    """The moving wake's states among the others."""
+    case = small_corrected()
+    alike, aero = assemble_parts(case)
+    components = [reduce_stacked(aero, [alike.lattice], m, 8) for m in (0, 1)]
+    rotor = multiblade_aerodynamics(*components, CASE.rotor_speed, DT)
+    still = series(slow_wake(alike), couple(turbine_equations(alike), rotor, DT))
+    parts, _ = assemble_uneven(case)
+    at = azimuth_steps(parts, rotor, slow_wake(parts.mean))
+    assert still.order == couple(turbine_equations(alike), rotor, DT).order + 2
+    for azimuth in (0.0, 1.1, 4.0):
+        step, forcing = at(azimuth)
+        for name in "ABCD":
+            ours, theirs = getattr(step, name), getattr(still, name)
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-11 * np.abs(theirs).max())
+        np.testing.assert_allclose(forcing, 0.0, atol=1e-12)
+
+
+def test_corrected_turbine_with_a_heavy_blade_builds_stable_and_near_the_one_of_its_mean_blade():
+    model = build_model(small_corrected(mass_factor=(1.05, 1.0, 1.0)))
+    assert np.abs(floquet_multipliers(model)).max() < 1.0
+    mean = build_model(small_corrected(mass_factor=(1.05, 1.0, 1.0)).of_mean_blade())
+    ours, theirs = (m.turbine.dc_gain()[[0, 3]][:, [0, 6]] for m in (model, mean))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-2)
 
 
 @pytest.fixture(scope="module")

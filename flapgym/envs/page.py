@@ -112,7 +112,7 @@ def index_page() -> str:
 
 def environment_page(entry: Registered, scores: Mapping[str, Any] | None) -> str:
     """The page of one environment: how to make it, its spaces, what differs, scores, and the manual of its class."""
-    env = gymnasium.make(entry.id)
+    env = gymnasium.spec(entry.id).make()  # by its specification, so that no version is called out of date
     text = [
         _MADE,
         "",

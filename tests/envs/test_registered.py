@@ -18,6 +18,9 @@ from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
 from flapgym.envs.registration import ENVIRONMENTS
 
+# Gymnasium says of each version 0 that there is a newer one; nothing else may be said.
+pytestmark = pytest.mark.filterwarnings("ignore:.*The environment flapgym/.*-v0 is out of date")
+
 every_id = pytest.mark.parametrize("name", [entry.id for entry in ENVIRONMENTS])
 STEPS = 25
 

@@ -78,7 +78,7 @@ def nonlinear_march() -> NonlinearMarch:
         for component in (0, 1)
     )
     on_rotor = multiblade_aerodynamics(collective, whirl, 0.0, case.discretisation.time_step)
-    return NonlinearMarch(nonlinear_turbine(parts, rotor, on_rotor))
+    return NonlinearMarch(nonlinear_turbine(parts, on_rotor))
 
 
 def wind_of(scenario: str, model: TurbineModel, duration: float, seed: int = SEED) -> Array:

@@ -33,6 +33,7 @@ from flapgym.aerodynamics.lattice import SHED_AGE, rotation_about_x, wake_nodes
 from flapgym.aerodynamics.rotor import zero_lift_angles
 from flapgym.aerodynamics.steady import incidence_downwash
 from flapgym.aerodynamics.transport import displaced_wake_downwash, fitted_state, march_case
+from flapgym.atomic import write_picture
 from flapgym.turbine import Airfoil, Case, load_case
 from flapgym.turbine.units import DEGREE
 
@@ -266,7 +267,7 @@ def draw(time: Array, wakes: dict[str, Array], rigid: dict[str, Array], path: Pa
         axis.legend(fontsize=8, loc="upper right")
     axes[0].set_ylabel("root moment [MN m per m/s]")
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    write_picture(path, figure)
 
 
 def main() -> None:

@@ -53,7 +53,8 @@ class StateSpace:
             if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
                 raise ValueError(f"state_space.{kind}: expected a tuple of names, got {shown(names)}")
         if not isinstance(self.A, np.ndarray) or self.A.ndim != 2:
-            raise ValueError(f"state_space.A: expected a square array, got {shown(self.A)}")
+            given = f"one of shape {self.A.shape}" if isinstance(self.A, np.ndarray) else shown(self.A)
+            raise ValueError(f"state_space.A: expected a square array, got {given}")
         n, nu, ny = self.A.shape[0], len(self.inputs), len(self.outputs)
         for name, shape in {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu)}.items():
             matrix = getattr(self, name)

@@ -31,7 +31,9 @@ def shown(value: object) -> str:
     if isinstance(value, Integral) and not isinstance(value, bool):
         return _integer(int(value))
     if isinstance(value, Real) and not isinstance(value, bool):
-        return number(float(value))
+        text = number(float(value))
+        # 2.0 is not 2 to one who is told that a whole number was expected.
+        return f"{text}.0" if text.lstrip("-").isdecimal() else text
     try:
         text = _Short().repr(value)
     except (ValueError, RecursionError):  # too long a number within, or nesting too deep

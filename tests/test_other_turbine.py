@@ -75,7 +75,7 @@ def test_info_names_turbine_radius_hub_height_airloads_and_where_the_flap_is(mod
     save_model(model, tmp_path / "large.safetensors")
     out = told(capsys, "info", tmp_path / "large.safetensors")
     assert "scaled15mw, rotor radius 120 m, hub height 171.4 m" in out
-    assert "elastic axis 0.25, lift slope thin aerofoil, profile none" in out
+    assert "elastic axis published, lift slope sections, profile mean" in out
     inner, outer = flap_ends()
     assert f"from {inner:.1%} to {outer:.1%} of the rotor radius" in out
     assert f"length scale {105.0 * FACTOR:g} m" in out

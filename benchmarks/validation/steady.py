@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.validation.reference import Array
-from flapgym.aerodynamics import rigid_rotor, root_moment_load
+from flapgym.aerodynamics import rigid_rotor, root_moment_load, wake_transport
 from flapgym.aeroelastic.trim import trim
 from flapgym.structure import blade_beam
 from flapgym.turbine import Case
@@ -104,18 +104,24 @@ class RigidAnswer:
 
 
 def rigid_answer(case: Case) -> RigidAnswer:
-    """The answer of a case's lattice."""
+    """The answer of a case's lattice, behind the states of its moving wake where it has them."""
     rotor = rigid_rotor(case)
-    load = root_moment_load(rotor.aero, case)
+    load, step = root_moment_load(rotor.aero, case), rotor.aero.time_step
     gain, flap = rotor.steady(load)[0]
+    torque = rotor.aero.blades * float(rotor.steady(shaft_moment(rotor.aero.force_point))[0, 0])
     moment = rotor.step(LONG, load)[:, 0]
-    early = round(EARLY / rotor.aero.time_step)
+    if case.airloads.slow_wake == "moving":
+        states = wake_transport(case, rotor.flow.shed)
+        gain, torque = ((1.0 + states.wind.gain) * steady for steady in (gain, torque))
+        flap = (1.0 + states.flap.gain) * flap
+        moment = states.wind.state_space(step, "wind").simulate(moment[:, None])[:, 0]
+    early = round(EARLY / step)
     return RigidAnswer(
         gain=float(gain),
         early=float(moment[early]),
         peak=float(moment[early:].max()),
         end=float(moment[-1]),
-        torque=rotor.aero.blades * float(rotor.steady(shaft_moment(rotor.aero.force_point))[0, 0]),
+        torque=float(torque),
         flap=float(flap),
     )
 

@@ -44,6 +44,11 @@ class MeanFlow:
         """Bound circulations (n,) [m^2/s]."""
         return self.loads.circulation
 
+    @property
+    def shed(self) -> Array:
+        """What each strip sheds into the wake (strips,) [m^2/s]."""
+        return self.circulation.reshape(self.aero.lattice.chordwise, -1)[-1]
+
     def induced_on(self, lattice: Lattice) -> tuple[Array, Array]:
         """Velocity [m/s] that the circulations, moved to a lattice near by with its wake, induce there.
 

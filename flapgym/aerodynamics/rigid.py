@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 SETTLED = 1e-8
 """Change of the induction between two rounds that counts as none."""
 
+MAX_ITERATIONS = 50
+"""Rounds of induction and thrust; each gains about a digit."""
+
 
 @dataclass(frozen=True, eq=False)
 class RigidRotor:
@@ -79,7 +82,7 @@ def rigid_rotor(case: Case, blades: int = 3) -> RigidRotor:
     flow = _rigid_flow(case, aero, blades)
     full = case.airloads.linearisation == "full"
     seen = cambered(aero, flow.loads.zero_lift_angle) if full else aero
-    downwash = np.column_stack([gust_downwash(seen).sum(axis=1), flap_downwash(aero, case.flap)[0]])
+    downwash = np.column_stack([gust_downwash(seen).sum(axis=1), flap_downwash(seen, case.flap)[0]])
     motion = None
     if full:
         gust = gust_past_segments(aero).sum(axis=2, keepdims=True)
@@ -94,7 +97,7 @@ def _rigid_flow(case: Case, aero: Aerodynamics, blades: int) -> MeanFlow:
         same = aero if mean_is_perturbations(case) else build_mean_aerodynamics(case, 0.0, blades)
         return MeanFlow(same, mean_loads(case, same))
     induction = 0.0 if chosen == "momentum" else chosen
-    while True:
+    for _ in range(MAX_ITERATIONS):
         mean = build_mean_aerodynamics(case, induction, blades)
         loads = mean_loads(case, mean)
         before = induction
@@ -102,3 +105,6 @@ def _rigid_flow(case: Case, aero: Aerodynamics, blades: int) -> MeanFlow:
             induction = momentum_induction(loads.thrust_coefficient)
         if abs(induction - before) < SETTLED:
             return MeanFlow(mean, loads)
+    raise ValueError(
+        f"airloads.mean_induction: thrust and induction do not settle within {MAX_ITERATIONS} rounds; give a factor"
+    )

@@ -3,7 +3,7 @@
 The circulation is that of the linear lattice with its prescribed wake. The forces take the induced velocity in, so
 that the torque holds the induced drag: either Joukowski's force on the bound vortices in the total velocity, or the
 lattice's normal force with the leading-edge suction of the paper's eq. 13. Where the case asks for it, the sections'
-own lift, drag and pitching moment are read from their polars at the incidence that the circulation tells.
+drag and pitching moment are read from their polars at the incidence that the circulation tells.
 """
 
 from __future__ import annotations

@@ -169,12 +169,19 @@ def slow_wake(parts: Parts) -> StateSpace:
         return StateSpace(*none, eye, dt, TURBINE_INPUTS, TURBINE_INPUTS)
     if parts.flow is None:
         raise ValueError("airloads.slow_wake: a blade without mean load has no wake to move")
-    found = wake_transport(case, parts.flow.circulation.reshape(case.discretisation.chordwise_panels, -1)[-1])
+    found = wake_transport(case, parts.flow.shed)
     states = [found.wind.state_space(dt, "wind"), found.flap.state_space(dt, "flap_angle_0")]
     place = eye[:, [TURBINE_INPUTS.index(state.inputs[0]) for state in states]]
     direct = eye + place @ np.diag([state.D.item() - 1.0 for state in states]) @ place.T
-    A, B, C = (np.diag([getattr(state, name).item() for state in states]) for name in "ABC")
-    return StateSpace(A, B @ place.T, place @ C, direct, dt, TURBINE_INPUTS, TURBINE_INPUTS)
+    return StateSpace(
+        A=np.diag([state.A.item() for state in states]),
+        B=np.diag([state.B.item() for state in states]) @ place.T,
+        C=place @ np.diag([state.C.item() for state in states]),
+        D=direct,
+        time_step=dt,
+        inputs=TURBINE_INPUTS,
+        outputs=TURBINE_INPUTS,
+    )
 
 
 def azimuth_steps(

@@ -2,6 +2,7 @@
 
 The clamped single blade is part of every model file. Rotor and frozen turbine see all three blades, in their own
 frames, with the inputs and outputs of eq. 14 blade by blade; a single blade may also have its root move.
+Without the states of a moving wake: `build.slow_wake` goes before, where a case has it.
 """
 
 from __future__ import annotations

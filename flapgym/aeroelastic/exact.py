@@ -2,6 +2,7 @@
 
 The lattice enters with its own transfer function instead of reduced states, so that a frequency costs a few small
 solves however long the wake is.
+Without the states of a moving wake: `build.slow_wake` goes before, where a case has it.
 """
 
 from __future__ import annotations

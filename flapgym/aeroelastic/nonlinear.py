@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flapgym.aerodynamics import Aerodynamics, mean_loads
 from flapgym.aeroelastic.equations import Parts, root_moment, tip_deflection
 from flapgym.aeroelastic.multiblade import BLADES, WORK_WEIGHTS, blade_azimuths, hub_components, on_rotor
 from flapgym.aeroelastic.trim import nodal_load
@@ -120,18 +119,15 @@ class NonlinearTurbine:
         return np.concatenate([root, tips, (now.position - before.position)[top, :2]])
 
 
-def nonlinear_turbine(
-    parts: Parts, rotor: Aerodynamics, aerodynamics: ReducedSystem, relieved: bool = False
-) -> NonlinearTurbine:
+def nonlinear_turbine(parts: Parts, aerodynamics: ReducedSystem, relieved: bool = False) -> NonlinearTurbine:
     """The non-linear turbine of what the linear one is coupled from.
 
     Parameters
     ----------
     parts : Parts
-    rotor : Aerodynamics
-        The lattice of all blades the parts were made with.
     aerodynamics : ReducedSystem
-        It seen on the rotor, in components (0, c, s): ``multiblade_aerodynamics`` at rotor speed zero.
+        The lattice of all blades the parts were made with, seen on the rotor, in components (0, c, s):
+        ``multiblade_aerodynamics`` at rotor speed zero. Without the states of a moving wake.
     relieved : bool
         Take the mean thrust and torque off the support, which the linear turbine has unloaded: its exact limit.
     """
@@ -140,7 +136,9 @@ def nonlinear_turbine(
         raise ValueError(
             f"operating_point.pitch: expected 0 for the non-linear beams, got {case.operating_point.pitch} rad"
         )
-    mean = nodal_load(parts.blade, mean_loads(case, rotor)).reshape(-1, 2, 3)
+    if parts.flow is None:
+        raise ValueError("parts: expected a blade about its trim, got one without mean load")
+    mean = nodal_load(parts.blade, parts.flow.loads).reshape(-1, 2, 3)
     loads = tuple((mean @ about_x(angle).T).reshape(-1, 6) for angle in blade_azimuths(0.0))
     structure = MovingTurbine(
         case.turbine, case.discretisation.blade_elements, case.rotor_speed, load=lambda time: loads

@@ -44,7 +44,7 @@ def readings(case: Case) -> tuple[str, ...]:
         + (
             ""
             if loads.slow_wake == "frozen"
-            else "; slow wind and collective flaps have a state each for its moving"
+            else "; in the whole turbine slow wind and collective flaps have a state each for a longer one, which moves"
         ),
         "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",
         "gravity left out; perturbations about the trim under the mean air and centrifugal load",

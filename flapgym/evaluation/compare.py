@@ -235,6 +235,10 @@ def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: Turbin
         )
     found = [load_agent(a, model) if isinstance(a, str | os.PathLike) else a for a in agents]
     for agent in found:
+        if not hasattr(agent, "predict"):
+            raise ValueError(
+                f"agents: expected names, files or agents (flapgym.control.Agent), got {shown(agent)}"
+            )
         check_agent(agent, QUANTITIES)
     ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if not isinstance(agent, OpenLoop)))
     for agent in ordered:

@@ -74,7 +74,8 @@ def _of_model(model: TurbineModel, count: int, setup: Setup, task: Task, compile
     if not holds(model, setup):
         if setup.kernel == "numba":
             raise ValueError(
-                "kernel: the model has a mode too near to the rotor's speed for compiled code; "
+                "kernel: the model has a mode too near to what a flap at rest excites (a slow state, or one at the "
+                "rotor's speed) for compiled code; "
                 'expected "numpy" or "auto", got "numba"'
             )
         return LiftedPlant(model, count, setup, task)

@@ -104,7 +104,8 @@ class Airloads:
     mean_wake : float or "perturbations"
         Length of the wake behind the mean load, in rotor diameters; "perturbations" for the lattice's own wake.
     mean_induction : float or "momentum"
-        Axial induction that slows that wake: a factor, or the one that momentum theory finds for its own thrust.
+        Axial induction that slows a mean wake of its own: a factor, or the one that momentum theory finds for its
+        thrust. Without effect where the mean load has the perturbations' wake, which `discretisation.induction` slows.
     linearisation : "mean flow" or "full"
         Forces of the perturbed circulation in the mean flow, as in the paper, or also those of the mean
         circulation in the perturbed flow.

@@ -211,7 +211,7 @@ class Planform:
 
 @dataclass(frozen=True, eq=False)
 class PitchAxis:
-    """Where the pitch axis, which is the elastic axis too, crosses the chords of the blade; arrays (n,).
+    """Where the pitch axis, taken for the elastic axis too, crosses the chords of the blade; arrays (n,).
 
     Attributes
     ----------

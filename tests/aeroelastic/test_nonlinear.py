@@ -30,7 +30,7 @@ def turbines():
         return multiblade_aerodynamics(collective, whirl, speed, DT)
 
     linear = couple(turbine_equations(parts), seen(case.rotor_speed), DT)
-    beams, relieved = (nonlinear_turbine(parts, rotor, seen(0.0), without) for without in (False, True))
+    beams, relieved = (nonlinear_turbine(parts, seen(0.0), without) for without in (False, True))
     return case, linear, beams, relieved
 
 
@@ -105,4 +105,4 @@ def test_a_pitched_rotor_is_refused_by_name(turbines):
     case = beams.parts.case
     pitched = replace(case, operating_point=replace(case.operating_point, pitch=0.1))
     with pytest.raises(ValueError, match="operating_point.pitch"):
-        nonlinear_turbine(replace(beams.parts, case=pitched), None, beams.lattice)
+        nonlinear_turbine(replace(beams.parts, case=pitched), beams.lattice)

@@ -31,6 +31,12 @@ from tests.synthetic import synthetic_model
 MODEL = synthetic_model()
 
 
+def _sampled(model, time_step):
+    """The model as if its matrices were of another step."""
+    systems = {name: replace(getattr(model, name), time_step=time_step) for name in ("turbine", "blade")}
+    return replace(model, time_step=time_step, **systems)
+
+
 @pytest.fixture
 def short(monkeypatch):
     monkeypatch.setattr(program, "QUICK_DURATION", 4.0)
@@ -203,7 +209,7 @@ def test_what_grows_and_what_has_no_bound_is_said():
                 {},
                 {"PD": np.array([1.0, 2.0, 3.0, 4.0, np.inf, np.nan, 7.0, 8.0])},
                 ("heavy",),
-                replace(MODEL, time_step=0.02),
+                _sampled(MODEL, 0.02),
             )
         ],
         Path(),

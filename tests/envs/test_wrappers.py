@@ -118,7 +118,7 @@ def test_wrapped_environments_are_made_again_from_their_spec(model_file, which):
     env = _wrapped(model_file)[which]
     twin = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
     # Gymnasium counts the actions that the specification tells, too.
-    assert str(twin).replace("TimeLimit<FlapEnv<flapgym/NREL5MW-v0>>", "FlapEnv<flapgym/NREL5MW-v0>") == str(
+    assert str(twin).replace("TimeLimit<FlapEnv<flapgym/NREL5MW-v1>>", "FlapEnv<flapgym/NREL5MW-v1>") == str(
         env
     )
     (first, _), (other, _) = env.reset(seed=4), twin.reset(seed=4)

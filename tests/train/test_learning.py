@@ -79,7 +79,7 @@ def test_an_interrupted_run_keeps_what_it_learnt(monkeypatch):
 def test_the_program_writes_an_agent_for_each_seed(tmp_path):
     save_model(synthetic_model(), tmp_path / "model.safetensors")
     text = (CONFIGS / "train-ppo.toml").read_text(encoding="utf-8")
-    text = text.replace('"nrel5mw-rated"', f'"{tmp_path / "model.safetensors"}"')
+    text = text.replace('"nrel5mw-corrected"', f'"{tmp_path / "model.safetensors"}"')
     text = text.replace("turbines = 64", "turbines = 2").replace("rollout = 64", "rollout = 8")
     text = text.replace("batch_size = 2048", "batch_size = 48")
     (tmp_path / "run.toml").write_text(text, encoding="utf-8")

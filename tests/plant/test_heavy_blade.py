@@ -15,19 +15,22 @@ from flapgym.turbine import load_case
 from tests.plant.plants import plain_task, rest
 
 
-@pytest.fixture(scope="module")
-def heavy():
-    return load_model("nrel5mw-heavy-blade")
+BALANCED = {"nrel5mw-heavy-blade": "nrel5mw-rated", "nrel5mw-corrected-heavy-blade": "nrel5mw-corrected"}
+
+
+@pytest.fixture(scope="module", params=BALANCED)
+def heavy(request):
+    return load_model(request.param)
 
 
 def test_the_model_is_the_one_of_its_case(heavy):
-    case = load_case("nrel5mw-heavy-blade")
+    case = load_case(heavy.name)
     assert heavy.inputs_hash == case.hash()
     assert case.blades.mass_factor == (1.05, 1.0, 1.0)
 
 
 def test_its_mean_is_nearly_the_balanced_turbine(heavy):
-    gain, balanced = (model.turbine.dc_gain() for model in (heavy, load_model("nrel5mw-rated")))
+    gain, balanced = (model.turbine.dc_gain() for model in (heavy, load_model(BALANCED[heavy.name])))
     np.testing.assert_allclose(gain[0, [0, 6]], balanced[0, [0, 6]], rtol=0.02)
 
 

@@ -14,7 +14,6 @@ from flapgym.plant.layout import RBM, TOWER
 from flapgym.turbine import load_case
 from tests.plant.plants import plain_task, rest
 
-
 BALANCED = {"nrel5mw-heavy-blade": "nrel5mw-rated", "nrel5mw-corrected-heavy-blade": "nrel5mw-corrected"}
 
 

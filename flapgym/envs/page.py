@@ -79,7 +79,8 @@ def page_name(entry: Registered) -> str:
 def index_page() -> str:
     """The list of all environments, and what can be put around them."""
     environments = [
-        f"| [`{entry.id}`](environments/{page_name(entry)}) | {entry.summary.split('. ')[0].rstrip('.')} |"
+        f"| [`{entry.id}`](environments/{page_name(entry)}) | {entry.summary.split('. ')[0].rstrip('.')}"
+        f"{'' if entry.agents == ENVIRONMENTS[0].agents else '; as the paper reads the turbine'} |"
         for entry in ENVIRONMENTS
     ]
     wrappers = [f"| `{path}` | {_first_line(path)} |" for path in WRAPPERS]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,9 +18,12 @@ from benchmarks.validation.comparison import Comparison, compare
 from benchmarks.validation.picture import draw
 from benchmarks.validation.report import comparison_table, verdict
 from flapgym.aeroelastic import load_model
-from flapgym.atomic import write_atomically
+from flapgym.atomic import write_together
 from flapgym.evaluation import writable_folder
+from flapgym.program import Parser, Work, run
 
+WRITTEN = ("validation.json", "validation.md", "validation.png")
+"""Data, table and picture."""
 PICTURE = Path("figures") / "validation.png"
 """Seen from the page."""
 MODELS = ["nrel5mw-corrected", "nrel5mw-rated"]
@@ -27,41 +31,45 @@ MODELS = ["nrel5mw-corrected", "nrel5mw-rated"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare the models asked for; return the exit code: 0, or 2 for bad input."""
-    options = _parser().parse_args(arguments)
-    try:
-        models = [load_model(name) for name in options.model]
-        folder = writable_folder(options.output)
-        page = None if options.docs is None else options.docs.read_text(encoding="utf-8")
+    """Compare the models asked for; return the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    models = [load_model(name) for name in options.model]
+    folder = writable_folder(options.output, WRITTEN)
+    if options.docs is not None:
+        options.docs.read_text(encoding="utf-8")
+
+    def work() -> int:
         comparisons = [compare(model) for model in models]
-    except (OSError, ValueError) as error:
-        print(f"benchmarks.validation: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    table, picture = comparison_table(comparisons), draw(comparisons)
-    print(f"{table}\n", *map(verdict, comparisons), "", sep="\n")
-    data = json.dumps([as_data(comparison) for comparison in comparisons], indent=2, allow_nan=False) + "\n"
-    title = ", ".join(comparison.model for comparison in comparisons)
-    written = {
-        folder / "validation.json": data.encode(),
-        folder / "validation.md": f"![{title}](validation.png)\n\n{table}\n".encode(),
-        folder / "validation.png": picture,
-    }
-    if page is not None:
-        written |= {
-            options.docs: fill(page, {"comparison": table}).encode(),
-            options.docs.parent / PICTURE: picture,
+        table, picture = comparison_table(comparisons), draw(comparisons)
+        print(f"{table}\n", *map(verdict, comparisons), "", sep="\n")
+        data = [as_data(comparison) for comparison in comparisons]
+        title = ", ".join(comparison.model for comparison in comparisons)
+        contents = (
+            (json.dumps(data, indent=2, allow_nan=False) + "\n").encode(),
+            f"![{title}](validation.png)\n\n{table}\n".encode(),
+            picture,
+        )
+        written: dict[str | os.PathLike[str], bytes] = {
+            folder / name: content for name, content in zip(WRITTEN, contents, strict=True)
         }
-    for path, content in written.items():
-        path.parent.mkdir(exist_ok=True)
-        write_atomically(path, content)
-        print(f"written: {path}")
-    return 0
+        if options.docs is not None:
+            # Read only now: the page may have been edited during the work.
+            page = fill(options.docs.read_text(encoding="utf-8"), {"comparison": table})
+            (options.docs.parent / PICTURE).parent.mkdir(exist_ok=True)
+            written |= {options.docs: page.encode(), options.docs.parent / PICTURE: picture}
+        write_together(written)
+        print(*(f"written: {path}" for path in written), sep="\n")
+        return 0
+
+    return work
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.validation", description=(__doc__ or "").splitlines()[0]
-    )
+    parser = Parser(prog="python -m benchmarks.validation", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.validation")
     parser.add_argument(
         "--model", nargs="+", default=MODELS, help=f"models' names or files (default: {' '.join(MODELS)})"
     )

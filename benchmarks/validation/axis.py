@@ -33,6 +33,7 @@ from flapgym.atomic import write_atomically
 from flapgym.control import OpenLoop
 from flapgym.evaluation import SCORED_SEED, simulate, writable_folder
 from flapgym.evaluation.compare import PAPER_LENGTH
+from flapgym.program import Parser, Work, run
 from flapgym.turbine import Case, load_case
 
 PAPER = "nrel5mw-rated"
@@ -121,35 +122,40 @@ def axis_table(found: dict[str, Rows]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study; return the exit code: 0, or 2 for bad input."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.validation.axis", description=(__doc__ or "").splitlines()[0]
-    )
+    """Run the study; return the exit code."""
+    parser = Parser(prog="python -m benchmarks.validation.axis", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.validation.axis")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder (default: %(default)s)")
     parser.add_argument("--docs", type=Path, metavar="PAGE", help="page whose table is replaced")
-    options = parser.parse_args(arguments)
-    try:
-        folder = writable_folder(options.output)
-        page = None if options.docs is None else options.docs.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        print(f"benchmarks.validation.axis: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    found = {}
-    for name, case in axis_cases(load_case(PAPER)).items():
-        model = cached_model(case)
-        duration = PAPER_LENGTH * model.length_scale / model.wind_speed
-        found[name] = (
-            bode_rows(case)
-            | series_rows(model, duration)
-            | control_rows(control_readings(case, model, folder / "axis", duration))
-        )
-        print(f"done: axis {name}", file=sys.stderr, flush=True)
-    text = axis_table(found)
-    print(text)
-    write_atomically(folder / "axis.md", f"{text}\n".encode())
-    if page is not None:
-        write_atomically(options.docs, fill(page, {"axis": text}).encode())
-    return 0
+    return run(parser, arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    folder = writable_folder(options.output, ("axis.md",))
+    if options.docs is not None:
+        options.docs.read_text(encoding="utf-8")
+
+    def work() -> int:
+        rows = {}
+        for axis, case in axis_cases(load_case(PAPER)).items():
+            model = cached_model(case)
+            duration = PAPER_LENGTH * model.length_scale / model.wind_speed
+            rows[axis] = (
+                bode_rows(case)
+                | series_rows(model, duration)
+                | control_rows(control_readings(case, model, folder / "axis", duration))
+            )
+            print(f"done: axis {axis}", file=sys.stderr, flush=True)
+        found = axis_table(rows)
+        print(found)
+        write_atomically(folder / "axis.md", f"{found}\n".encode())
+        if options.docs is not None:
+            # Read only now: the page may have been edited during the work.
+            page = fill(options.docs.read_text(encoding="utf-8"), {"axis": found})
+            write_atomically(options.docs, page.encode())
+        return 0
+
+    return work
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.cache import cached_model
 from flapgym.atomic import write_atomically
 from flapgym.evaluation import writable_folder
+from flapgym.program import Parser, Work, run
 from flapgym.turbine import Case, load_case
 from flapgym.turbine.units import DEGREE
 
@@ -159,25 +160,30 @@ def terms_table(first: Case, last: Case, of: Callable[[Case], Effect]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study; return the exit code: 0, or 2 for bad input."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.validation.terms", description=(__doc__ or "").splitlines()[0]
-    )
+    """Run the study; return the exit code."""
+    parser = Parser(prog="python -m benchmarks.validation.terms", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.validation.terms")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder (default: %(default)s)")
     parser.add_argument("--docs", type=Path, metavar="PAGE", help="page whose table is replaced")
-    options = parser.parse_args(arguments)
-    try:
-        folder = writable_folder(options.output)
-        page = None if options.docs is None else options.docs.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        print(f"benchmarks.validation.terms: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    found = terms_table(load_case(FIRST), load_case(LAST), effect)
-    print(found)
-    write_atomically(folder / "terms.md", f"{found}\n".encode())
-    if page is not None:
-        write_atomically(options.docs, fill(page, {"terms": found}).encode())
-    return 0
+    return run(parser, arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    folder = writable_folder(options.output, ("terms.md",))
+    if options.docs is not None:
+        options.docs.read_text(encoding="utf-8")
+
+    def work() -> int:
+        found = terms_table(load_case(FIRST), load_case(LAST), effect)
+        print(found)
+        write_atomically(folder / "terms.md", f"{found}\n".encode())
+        if options.docs is not None:
+            # Read only now: the page may have been edited during the work.
+            page = fill(options.docs.read_text(encoding="utf-8"), {"terms": found})
+            write_atomically(options.docs, page.encode())
+        return 0
+
+    return work
 
 
 if __name__ == "__main__":

@@ -226,24 +226,22 @@ def test_correlation_is_at_least_what_was_found(comparison):
         assert found(comparison, f"Turbulence, {name}", "RBM, correlation of the two").met
 
 
-def test_corrected_turbine_misses_three_rows_at_most_and_by_less_than_two_percent():
-    """Against OpenFAST's figures: the flap's moment, and two points of the rigid step."""
+def test_corrected_turbine_misses_the_flap_s_moment_by_one_percent_and_the_rigid_step_by_seven_at_most():
+    """As its page says; the slow-wake state puts the rigid rotor above the free wake."""
     tables = compare(load_model("nrel5mw-corrected")).tables
     missed = {
-        (heading, row.quantity): row for heading, rows in tables.items() for row in rows if row.met is False
+        (heading, row.quantity): abs(row.beyond) / max(row.independent.values())
+        for heading, rows in tables.items()
+        for row in rows
+        if row.met is False
     }
-    assert missed.keys() <= {
-        ("Flap, all blades alike", "RBM"),
-        ("Rigid rotor", "RBM, 0.2 s after a step of 1 m/s"),
-        ("Rigid rotor", "RBM, peak after it"),
-    }
-    for row in missed.values():
-        assert abs(row.beyond) < 0.02 * max(row.independent.values())
+    assert missed.pop(("Flap, all blades alike", "RBM")) < 0.015
+    assert {heading for heading, _ in missed} <= {"Rigid rotor"}
+    assert max(missed.values()) < 0.07
 
 
 def test_corrected_turbine_and_the_papers_are_compared_unless_others_are_asked_for(capsys):
-    with pytest.raises(SystemExit):
-        main(["--help"])
+    assert main(["--help"]) == 0
     assert "(default: nrel5mw-corrected nrel5mw-rated)" in " ".join(capsys.readouterr().out.split())
 
 

@@ -58,7 +58,7 @@ def test_a_text_differs_from_a_number_of_the_same_digits():
     assert (shown("11"), shown(11), shown(11.0), shown(True), shown(None)) == (
         "'11'",
         "11",
-        "11",
+        "11.0",
         "True",
         "None",
     )

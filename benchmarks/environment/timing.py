@@ -79,6 +79,9 @@ def best_of(
             code = pytest.main(options, plugins=[_Turns(list(calls.values()), rounds, tell)])
         if code != pytest.ExitCode.OK:
             raise RuntimeError(f"pytest-benchmark ended with {code}; run the call that failed by itself")
+        if not found.exists():
+            # Ctrl-C while the library writes its file ends that writing, and nothing else.
+            raise KeyboardInterrupt
         times = json.loads(found.read_text(encoding="utf-8"))["benchmarks"]
     return dict(zip(calls, _best(times, len(calls)), strict=True))
 

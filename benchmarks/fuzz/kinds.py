@@ -16,7 +16,7 @@ import numpy as np
 import safetensors.numpy
 
 from benchmarks.fuzz.mutations import Random, as_json, spoilt, spoilt_array, spoilt_entries
-from flapgym.aeroelastic import TurbineModel, load_model, save_model
+from flapgym.aeroelastic import DEFAULT_MODEL, TurbineModel, load_model, save_model
 from flapgym.aeroelastic.harmonics import PeriodicPart
 from flapgym.cli import describe
 from flapgym.control import Policy, load_agent, save_agent
@@ -66,7 +66,7 @@ def kinds(folder: Path) -> tuple[Kind, ...]:
         save_model(each, folder / f"{name}.safetensors")
         models.append((folder / f"{name}.safetensors").read_bytes())
     save_agent(folder / "policy.json", policy(), model, "An example.", {"seed": 1})
-    shipped = Path(str(resources.files("flapgym.control") / "agents"))
+    shipped = Path(str(resources.files("flapgym.control") / "agents" / DEFAULT_MODEL))
     agents = [
         path.read_bytes()
         for path in (folder / "policy.json", *(shipped / f"{n}.json" for n in ("pd", "pid")))

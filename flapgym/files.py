@@ -55,9 +55,7 @@ def regular_file(path: str | os.PathLike[str], largest: int) -> Path:
     if not stat.S_ISREG(found.st_mode):
         raise ValueError(f"{_name(path)}: expected a regular file, got {kind_of_file(found.st_mode)}")
     if found.st_size > largest:
-        raise ValueError(
-            f"{_name(path)}: expected at most {_megabytes(largest)}, got {_megabytes(found.st_size)}"
-        )
+        raise ValueError(f"{_name(path)}: expected at most {_size(largest)}, got {_size(found.st_size)}")
     return Path(path)
 
 
@@ -71,7 +69,7 @@ def read_bytes(path: str | os.PathLike[str], largest: int) -> bytes:
     except OSError as error:
         raise ValueError(f"{_name(path)}: cannot be read ({error.strerror})") from None
     if len(content) > largest:
-        raise ValueError(f"{_name(path)}: expected at most {_megabytes(largest)}, got more")
+        raise ValueError(f"{_name(path)}: expected at most {_size(largest)}, got more")
     return content
 
 
@@ -204,5 +202,6 @@ def _name(path: str | os.PathLike[str]) -> str:
     return one_line(os.fsdecode(path), 300)
 
 
-def _megabytes(size: int) -> str:
-    return f"{size / MEGABYTE:,.0f} MB"
+def _size(size: int) -> str:
+    """So many bytes in the unit that leaves digits."""
+    return f"{size / MEGABYTE:,.0f} MB" if size >= MEGABYTE else f"{size / 1024:.0f} kB"

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from flapgym.atomic import check_target, write_atomically, write_picture, write_together
-from flapgym.files import parse_json, read_bytes, read_text, read_toml, regular_file
+from flapgym.files import LARGEST_SETTINGS, parse_json, read_bytes, read_text, read_toml, regular_file
 
 ROOT = Path(__file__).parents[1]
 TEXT = 'base = "größer"\n'
@@ -286,3 +286,9 @@ def test_no_program_writes_files_past_the_one_writer():
     }
     # The fuzzer and the page of errors spoil files of their own.
     assert {path.relative_to(ROOT).parts[1] for path in past} <= {"fuzz", "errors"}
+
+
+def test_a_size_limit_is_told_in_a_unit_that_leaves_digits(tmp_path):
+    (tmp_path / "large.toml").write_bytes(b"#" * 2 * LARGEST_SETTINGS)
+    with pytest.raises(ValueError, match="expected at most 256 kB, got 512 kB"):
+        regular_file(tmp_path / "large.toml", LARGEST_SETTINGS)

@@ -103,7 +103,9 @@ def blade_lattice(
     aero = cambered(aero, flow.loads.zero_lift_angle)
     motion = lattice_motion(case, blade, shape, flow)
     full = full_loads(aero, flow, segment_motion(case, aero, motion), load)
-    full.direct[:, modes : 2 * modes] += following_moments(blade, flow.loads, shape)
+    direct = full.direct.copy()
+    direct[:, modes : 2 * modes] += following_moments(blade, flow.loads, shape)
+    full = replace(full, direct=direct)
     downwash = _downwash(case, aero, *mode_downwash(aero, case.rotor_speed, motion))
     return BladeLattice(downwash, load, modes, strips, convected, full)
 

@@ -291,8 +291,15 @@ class Case:
         grid, planform = self.discretisation, self.turbine.planform
         radius = self.turbine.blade_sections(grid.blade_elements).radius
         nearest = np.abs(planform.radius[None] - radius[:, None]).argmin(axis=1)
-        lifts = [self.turbine.airfoil(planform.airfoil[station]).lift_slope > 0.0 for station in nearest]
+        foils = [self.turbine.airfoil(planform.airfoil[station]) for station in nearest]
+        listed = self.airloads.lift_slope == "sections"
+        lifts = [(foil.normal_force_slope if listed else foil.lift_slope) > 0.0 for foil in foils]
         lowest = len(lifts) - lifts[::-1].index(False) if False in lifts else 0
+        if lowest == len(lifts):
+            field = "normal_force_slope" if listed else "lift_slope"
+            raise ValueError(
+                f"airfoils.{field}: expected sections with lift out to the blade's tip, got 0 1/rad there"
+            )
         if grid.first_lattice_node < lowest:
             raise ValueError(
                 f"discretisation.first_lattice_node: expected at least {lowest} (r = {radius[lowest]:.2f} m), "

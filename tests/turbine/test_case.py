@@ -212,3 +212,10 @@ def test_one_blade_s_factors_go_into_turbine_and_pitch_of_the_case_of_three_like
     assert not heavy.blades.unequal
     with pytest.raises(ValueError, match=r"^blades\.mass_factor: expected equal blades here"):
         case.alike()
+
+
+def test_a_lattice_on_sections_whose_listed_slope_is_zero_is_refused():
+    case = load_case("nrel5mw-corrected")
+    foils = tuple(dataclasses.replace(foil, normal_force_slope=0.0) for foil in case.turbine.airfoils)
+    with pytest.raises(ValueError, match="airfoils.normal_force_slope: expected sections with lift"):
+        dataclasses.replace(case, turbine=dataclasses.replace(case.turbine, airfoils=foils))

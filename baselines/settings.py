@@ -6,9 +6,9 @@ import os
 from dataclasses import dataclass
 from typing import Annotated
 
+from flapgym.core.fields import Count, Quantity, check_fields, read
+from flapgym.core.files import read_toml
 from flapgym.evaluation import SCORED_SEED
-from flapgym.files import read_toml
-from flapgym.turbine.fields import Count, Quantity, check_fields, read
 
 
 @dataclass(frozen=True)

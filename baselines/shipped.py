@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from baselines.tuning import LinearController
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Weights, agent_design, load_agent, made_for
+from flapgym.model.turbine_model import TurbineModel
 
 
 def loaded(name: str, model: TurbineModel) -> LinearController:

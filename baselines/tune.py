@@ -21,11 +21,11 @@ from baselines.tuning import (
     tune_pid,
     tune_saturating,
 )
-from flapgym.aeroelastic.model import DEFAULT_MODEL, load_model
 from flapgym.control import save_agent
+from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import PAPER_LENGTH
-from flapgym.program import Parser, Work, run
+from flapgym.model.turbine_model import DEFAULT_MODEL, load_model
 
 CONFIG = Path(__file__).parents[1] / "configs" / "tuning.toml"
 

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import (
     BladeController,
     DesignModel,
@@ -28,8 +27,9 @@ from flapgym.control import (
 )
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
 from flapgym.control.margins import disk_margin
+from flapgym.core.state_space import StateSpace
 from flapgym.evaluation import Metrics, measure, simulate
-from flapgym.state_space import StateSpace
+from flapgym.model.turbine_model import TurbineModel
 
 FREE = 100.0
 """Factor on the flap's stops that takes them out of the way while the rule asks how far the flap wants to go."""

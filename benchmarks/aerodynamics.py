@@ -31,9 +31,9 @@ from flapgym.aerodynamics.downwash import flap_downwash
 from flapgym.aerodynamics.lattice import build_lattice
 from flapgym.aerodynamics.model import assemble
 from flapgym.aerodynamics.rotor import blade_edges, rotor_inflow, strip_radius, wake_rows
-from flapgym.atomic import write_picture
+from flapgym.core.atomic import write_picture
+from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
-from flapgym.program import Parser, Work, run
 from flapgym.turbine import Case, load_case
 
 Array = NDArray[np.float64]

@@ -18,24 +18,24 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
-from flapgym.aeroelastic.multiblade import to_blades, to_components
-from flapgym.aeroelastic.nonlinear import nonlinear_turbine
-from flapgym.aeroelastic.nonlinear_march import NonlinearMarch
-from flapgym.atomic import write_atomically
 from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.agent import OBSERVATION_SCALES
+from flapgym.core.atomic import write_atomically
+from flapgym.core.program import Parser, Work, real, run, whole
+from flapgym.core.state_space import Array
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import LONGEST
 from flapgym.evaluation.metrics import damage_equivalent_load, root_mean_square
+from flapgym.model import TurbineModel, load_model
+from flapgym.model.multiblade import to_blades, to_components
 from flapgym.plant.actuator import Actuator
-from flapgym.program import Parser, Work, real, run, whole
-from flapgym.state_space import Array
 from flapgym.turbine import load_case
-from flapgym.turbulence import realise, von_karman_filter
+from flapgym.wind import realise, von_karman_filter
+from reference.nonlinear import nonlinear_turbine
+from reference.nonlinear_march import NonlinearMarch
 
 SCENARIOS = ("gust", "turbulence", "lqg")
 RAMP = (

@@ -19,11 +19,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from baselines.shipped import shipped_weights
-from flapgym.aeroelastic.model import load_model
 from flapgym.control import PredictiveController
+from flapgym.core.program import Parser, Work, run
+from flapgym.core.state_space import Array
 from flapgym.evaluation import simulate
-from flapgym.program import Parser, Work, run
-from flapgym.state_space import Array
+from flapgym.model.turbine_model import load_model
 
 SEED, SECONDS, COUNT = 2_000_000, 30.0, 400
 Solve = Callable[[Array], Any]

@@ -18,13 +18,13 @@ from flapgym.aerodynamics import Aerodynamics, transfer_function
 from flapgym.aeroelastic.blade_lattice import BladeLattice, blade_lattice, reduce_component
 from flapgym.aeroelastic.equations import root_moment
 from flapgym.aeroelastic.trim import trim
-from flapgym.atomic import write_picture
+from flapgym.core.atomic import write_picture
+from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
-from flapgym.program import Parser, Work, run
 from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import LinearBlade
 from flapgym.turbine import Case, load_case
-from flapgym.turbulence import von_karman_spectrum
+from flapgym.wind import von_karman_spectrum
 
 FREQUENCY = np.linspace(0.01, 10.0, 600)  # Hz
 BAND = FREQUENCY < 3.0  # where the lattice is independent of its discretisation

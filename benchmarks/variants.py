@@ -2,7 +2,7 @@
 
     python -m benchmarks.variants docs
 
-writes `docs/environments/scores.json`, which `python -m flapgym.envs.page docs` puts into the pages. The agents are
+writes `docs/environments/scores.json`, which `python -m benchmarks.manual docs` puts into the pages. The agents are
 those of the base case, unchanged: a variant shows what they are worth where the turbine is not the one they know.
 """
 
@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from flapgym.aeroelastic import DEFAULT_MODEL, load_model
-from flapgym.atomic import check_target, write_atomically
 from flapgym.control import AGENT_NAMES, OpenLoop, load_agent
+from flapgym.core.atomic import check_target, write_atomically
+from flapgym.core.program import Parser, Work, run, whole
 from flapgym.envs.registration import ENVIRONMENTS, Registered
 from flapgym.evaluation.compare import MOST_REALISATIONS, SCORED_SEED
 from flapgym.evaluation.metrics import measure
 from flapgym.evaluation.simulate import simulate
-from flapgym.program import Parser, Work, run, whole
+from flapgym.model import DEFAULT_MODEL, load_model
 
 TURBULENT, GUST = 120.0, 20.0
 """Length of a realisation [s] in turbulence, and of a gust's episode."""

@@ -33,9 +33,9 @@ from flapgym.aerodynamics.lattice import SHED_AGE, rotation_about_x, wake_nodes
 from flapgym.aerodynamics.rotor import zero_lift_angles
 from flapgym.aerodynamics.steady import incidence_downwash
 from flapgym.aerodynamics.transport import displaced_wake_downwash, fitted_state, march_case
-from flapgym.atomic import write_picture
+from flapgym.core.atomic import write_picture
+from flapgym.core.units import DEGREE
 from flapgym.turbine import Airfoil, Case, load_case
-from flapgym.turbine.units import DEGREE
 
 Array = NDArray[np.float64]
 

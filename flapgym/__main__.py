@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from flapgym.program import leave_at_interrupt
+from flapgym.core.program import leave_at_interrupt
 
 
 def main() -> int:

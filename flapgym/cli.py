@@ -17,23 +17,24 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from flapgym import __version__, program
+from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
-from flapgym.aeroelastic import DEFAULT_MODEL, TurbineModel, load_model, save_model
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
-from flapgym.aeroelastic.nameplate import nameplate
-from flapgym.atomic import check_target
 from flapgym.control import AGENT_NAMES
+from flapgym.core import program
+from flapgym.core.atomic import check_target
+from flapgym.core.program import Work, real, whole
+from flapgym.core.state_space import StateSpace
+from flapgym.core.wording import number
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
 from flapgym.evaluation.compare import LARGEST_SEED, LONGEST, MOST_REALISATIONS
 from flapgym.evaluation.report import FILES
-from flapgym.program import Work, real, whole
-from flapgym.state_space import StateSpace
+from flapgym.model import DEFAULT_MODEL, TurbineModel, load_model, save_model
+from flapgym.model.nameplate import nameplate
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
 from flapgym.turbine import BUILT_IN, DEFAULT_CASE, load_case
-from flapgym.wording import number
 
 PICTURES = (".pdf", ".png", ".svg")
 

@@ -10,14 +10,14 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from flapgym.aeroelastic.model import (
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.model.turbine_model import (
     BLADE_INPUTS,
     BLADE_OUTPUTS,
     TURBINE_INPUTS,
     TURBINE_OUTPUTS,
     TurbineModel,
 )
-from flapgym.state_space import Array, StateSpace
 from flapgym.turbine import load_case
 
 TIME_STEP = 0.007

@@ -42,7 +42,7 @@ from flapgym.structure import (
     solve_equilibrium,
 )
 from flapgym.turbine import load_turbine
-from flapgym.turbulence import realise, von_karman_filter, von_karman_spectrum
+from flapgym.wind import realise, von_karman_filter, von_karman_spectrum
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from flapgym import cli
-from flapgym.aeroelastic import cache, load_model, save_model
+from flapgym.aeroelastic import cache
 from flapgym.aeroelastic.cache import COMPLETE_STAGES
 from flapgym.control import AGENT_NAMES
-from flapgym.state_space import delayed
+from flapgym.core.state_space import delayed
+from flapgym.model import load_model, save_model
 from flapgym.turbine import load_case
 
 

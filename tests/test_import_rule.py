@@ -9,20 +9,19 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ORDER = [
-    "wording",
-    "atomic",
-    "program",
-    "files",
-    "state_space",
+    "core",
     "turbine",
-    "turbulence",
+    "wind",
     "structure",
     "aerodynamics",
     "reduction",
+    "model",
     "aeroelastic",
     "plant",
     "control",
     "envs",
+    "wrappers",
+    "adapters",
     "evaluation",
     "cli",
 ]
@@ -73,17 +72,18 @@ def test_modules_import_only_what_stands_above_them():
     assert not offences
 
 
-@pytest.mark.parametrize("program", ["baselines", "train", "benchmarks", "tests"])
+@pytest.mark.parametrize("program", ["baselines", "train", "benchmarks", "reference", "tests"])
 def test_the_package_does_not_import_the_programs_on_top_of_it(program):
     assert not {name for name in files_importing(program) if name.startswith("flapgym/")}
 
 
 def test_only_the_environments_import_gymnasium():
-    assert all(name.startswith("flapgym/envs/") for name in files_importing("gymnasium"))
+    homes = ("flapgym/envs/", "flapgym/wrappers/", "flapgym/adapters/")
+    assert all(name.startswith(homes) for name in files_importing("gymnasium"))
 
 
 def test_only_training_and_its_adapter_import_torch_and_stable_baselines():
-    assert files_importing("torch", "stable_baselines3", "sb3_contrib") <= {"flapgym/envs/sb3.py"}
+    assert files_importing("torch", "stable_baselines3", "sb3_contrib") <= {"flapgym/adapters/sb3.py"}
 
 
 def test_importing_the_package_and_its_program_loads_no_heavy_library():

@@ -10,16 +10,16 @@ import pytest
 from matplotlib.figure import Figure
 
 from flapgym import cli
-from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.build import build_model
 from flapgym.envs import FlapEnv, FlapVectorEnv
 from flapgym.envs.rendering import HUB, REACH, Screen
-from flapgym.envs.servo import Servo
 from flapgym.evaluation import compare
 from flapgym.evaluation.report import as_json, as_markdown, as_text
+from flapgym.model import load_model, save_model
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
+from flapgym.wrappers.servo import Servo
 from tests.scaled import FACTOR, scaled_turbine, small_case
 
 RADIUS, HUB_HEIGHT = 63.0 * FACTOR, 90.0 * FACTOR

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from flapgym import program
-from flapgym.aeroelastic import cache, save_model
+from flapgym.aeroelastic import cache
+from flapgym.core import program
+from flapgym.model import save_model
 from flapgym.turbine import load_case
 from tests.synthetic import synthetic_model
 
@@ -30,10 +31,10 @@ PROGRAMS = {
     "benchmarks.turbine": ["full"],
     "benchmarks.variants": ["docs"],
     "benchmarks.conventions": ["docs"],
-    "flapgym.envs.page": ["docs"],
+    "benchmarks.manual": ["docs"],
 }
 """Programs, and arguments that give them work for a while."""
-QUICK = {"benchmarks.conventions", "benchmarks.predictive_solvers", "flapgym.envs.page"}
+QUICK = {"benchmarks.conventions", "benchmarks.predictive_solvers", "benchmarks.manual"}
 """Those that are done before one could interrupt them."""
 MINUTES = 120.0
 
@@ -119,7 +120,7 @@ def test_an_interrupt_ends_a_program_with_one_line_and_130(name, seconds, tmp_pa
         ("benchmarks.reduction", ["--output", "taken"], "taken"),
         ("flapgym", ["compare", "--realisations", "-1"], "--realisations"),
         ("flapgym", ["compare", "--agents", "open_loop", "--output", "taken"], "taken"),
-        ("flapgym.envs.page", ["nowhere"], "nowhere"),
+        ("benchmarks.manual", ["nowhere"], "nowhere"),
     ],
 )
 def test_what_is_impossible_is_refused_in_one_line_before_any_work(

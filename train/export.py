@@ -9,8 +9,8 @@ import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.policy import Activation, Policy, Squash
+from flapgym.model.turbine_model import TurbineModel
 from train.scaling import observation_scale
 from train.settings import Training
 

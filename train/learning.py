@@ -13,10 +13,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
 from tqdm import tqdm
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.control.policy import Policy
 from flapgym.envs import FlapVectorEnv
-from flapgym.envs.sb3 import FlapVecEnv
+from flapgym.model.turbine_model import TurbineModel
 from train.export import exported
 from train.scaling import Scaled, observation_scale
 from train.settings import PPOSettings, SACSettings, Training

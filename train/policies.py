@@ -13,11 +13,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flapgym.aeroelastic.model import TurbineModel, load_model
-from flapgym.atomic import check_target
 from flapgym.control.agent_files import save_agent
+from flapgym.core.atomic import check_target
+from flapgym.core.program import Parser, Work, run, whole
 from flapgym.evaluation import writable_folder
-from flapgym.program import Parser, Work, run, whole
+from flapgym.model.turbine_model import TurbineModel, load_model
 from train.settings import Training, load_training
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.model.turbine_model import TurbineModel
 
 
 def observation_scale(observe: Sequence[str], model: TurbineModel) -> NDArray[np.float64]:

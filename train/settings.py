@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from flapgym.control.agent_checks import BLADE_QUANTITIES, check_name
-from flapgym.files import read_toml
-from flapgym.turbine.fields import Choice, Count, Quantity, Text, check_fields, check_keys, read
-from flapgym.wording import shown
+from flapgym.core.fields import Choice, Count, Quantity, Text, check_fields, check_keys, read
+from flapgym.core.files import read_toml
+from flapgym.core.wording import shown
 
 
 @dataclass(frozen=True)

@@ -38,16 +38,16 @@ from baselines.settings import load_tuning
 from baselines.shipped import loaded, shipped_weights
 from baselines.tune import CONFIG
 from flapgym.aerodynamics.downwash import glauert_scale
-from flapgym.aeroelastic.model import TurbineModel, load_model
-from flapgym.aeroelastic.nameplate import nameplate
-from flapgym.aeroelastic.study import study_turbine
-from flapgym.atomic import write_together
 from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.channels import ROTOR
+from flapgym.core.atomic import write_together
+from flapgym.core.program import Parser, Work, run, whole
+from flapgym.core.state_space import Array, StateSpace
 from flapgym.evaluation import Record, measure, writable_folder
 from flapgym.evaluation.compare import MOST_REALISATIONS, PAPER_LENGTH, PAPER_REALISATIONS
-from flapgym.program import Parser, Work, run, whole
-from flapgym.state_space import Array, StateSpace
+from flapgym.model.nameplate import nameplate
+from flapgym.model.turbine_model import TurbineModel, load_model
+from reference.study import study_turbine
 
 TITLE = "Load alleviation on the NREL 5 MW turbine: Section IV of the paper beside ours"
 REALISATIONS = 50

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.atomic import write_atomically
-from flapgym.state_space import Array, StateSpace
+from flapgym.core.atomic import write_atomically
+from flapgym.core.state_space import Array, StateSpace
 
 Arrays = Mapping[str, Array]
 

@@ -11,11 +11,11 @@ from baselines.paper.document import Section, Table, percent
 from baselines.paper.models import was_judged
 from baselines.paper.robustness import CONDITIONS, LONGEST, MARGINS, PERIODIC_CONDITIONS
 from baselines.paper.scores import CHANGES, Score
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
+from flapgym.core.state_space import Array
 from flapgym.evaluation import Estimate
 from flapgym.evaluation.compare import PAPER_REALISATIONS
-from flapgym.state_space import Array
+from flapgym.model.turbine_model import TurbineModel
 
 STOP, RATE = np.deg2rad(10.0), np.deg2rad(100.0)
 """Of the paper's flap [rad, rad/s]."""

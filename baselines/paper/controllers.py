@@ -20,7 +20,6 @@ from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.design import clamped_rotor, frozen_turbine, hub_sway, moving_root_blade
 from flapgym.aeroelastic.equations import Parts
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.aeroelastic.trim import deflected_lattice
 from flapgym.control import (
     DesignModel,
@@ -30,10 +29,11 @@ from flapgym.control import (
     white_wind,
 )
 from flapgym.control.lqg import FILTER_ORDER
+from flapgym.core.state_space import Array, StateSpace, delayed
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.reduction import ReducedSystem
-from flapgym.state_space import Array, StateSpace, delayed
 from flapgym.turbine import Case
-from flapgym.turbulence import von_karman_filter
+from flapgym.wind import von_karman_filter
 
 FROZEN_AZIMUTH = 0.0
 """Of the frozen design model [rad]: blade 1 up."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flapgym.core.state_space import Array
 from flapgym.evaluation import Record, root_mean_square
-from flapgym.state_space import Array
 
 AT_STOP = 0.999
 """Share of the largest angle from which a flap counts as at its stop."""

@@ -14,11 +14,11 @@ import numpy as np
 
 from baselines.paper.document import Section, Table, percent
 from baselines.paper.duty import Duty
-from flapgym.aeroelastic.multiblade import to_blades, to_components
-from flapgym.aeroelastic.study import STUDY_OUTPUTS
+from flapgym.core.state_space import Array, StateSpace, require_time_step
 from flapgym.evaluation import Record, damage_equivalent_load, paired_change, root_mean_square
 from flapgym.evaluation.metrics import FATIGUE_SLOPE
-from flapgym.state_space import Array, StateSpace, require_time_step
+from flapgym.model.multiblade import to_blades, to_components
+from reference.study import STUDY_OUTPUTS
 
 BLOCK = 64
 """Steps taken at once."""

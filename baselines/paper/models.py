@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from flapgym.aeroelastic.cache import cached_model
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.turbine import Case, load_case, load_turbine
 
 JUDGED = "nrel5mw-rated"

@@ -13,9 +13,9 @@ from baselines.paper.scores import Trial, measured, metrics_of, named
 from baselines.settings import Tuning
 from baselines.shipped import shipped_weights
 from baselines.tuning import Bench, LinearController, meet_the_stops
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import OpenLoop, lqg_agent, stability
 from flapgym.evaluation import SCORED_SEED, Estimate, measure, paired_change
+from flapgym.model.turbine_model import TurbineModel
 
 FEW = 5
 """Realisations of the paper."""

@@ -10,13 +10,13 @@ import numpy as np
 from baselines.paper.cache import Cache, fingerprint
 from baselines.paper.scores import mark
 from baselines.tuning import LinearController
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import closed_loop, growth_per_turn, peak_gain, periodic, stability, stationary_rms
 from flapgym.control.channels import ROTOR
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS, with_effectiveness
 from flapgym.control.growth import growth
 from flapgym.control.margins import delay_margin, disk_margin, late_measurement
-from flapgym.state_space import Array, StateSpace
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.model.turbine_model import TurbineModel
 
 EFFECTIVENESS = (0.7, 1.0, 1.3)
 LENGTHS = (73.5, 147.0, 340.0)

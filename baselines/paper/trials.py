@@ -14,12 +14,12 @@ from baselines.paper.models import VARIATIONS, built
 from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES
 from baselines.paper.scores import Trial, measured, metrics_of, named
 from baselines.tuning import LinearController
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop, closed_loop
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.control.growth import Growth, growth
 from flapgym.control.margins import late_measurement
 from flapgym.evaluation import Estimate, Metrics, measure, paired_change
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.turbine import Case
 
 AGENTS = ("pd", "lqg", "lqg_saturating", "lqg_multiblade_saturating", "ppo", "sac")

@@ -17,12 +17,12 @@ from baselines.paper.cache import Cache
 from baselines.paper.document import as_html, as_markdown
 from baselines.rivals.section import rivals_section
 from baselines.rivals.study import Study
-from flapgym.aeroelastic.model import load_model
-from flapgym.aeroelastic.nameplate import nameplate
-from flapgym.atomic import write_together
+from flapgym.core.atomic import write_together
+from flapgym.core.program import Parser, Work, real, run, whole
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
-from flapgym.program import Parser, Work, real, run, whole
+from flapgym.model.nameplate import nameplate
+from flapgym.model.turbine_model import load_model
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.core.state_space import Array, StateSpace, require_time_step, series
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.reduction.weighted import balance, relative_error
-from flapgym.state_space import Array, StateSpace, require_time_step, series
-from flapgym.turbulence import von_karman_filter
+from flapgym.wind import von_karman_filter
 
 MOMENT = 1e6
 """Unit of the moment in the programme [N m]."""

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from baselines.rivals.bound import Bound
 from baselines.shipped import loaded, shipped_weights
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop, PredictiveController
 from flapgym.control.agent import BLADES, Array, Floats
 from flapgym.control.rotor_controller import RotorController
+from flapgym.model.turbine_model import TurbineModel
 
 PREVIEWS = (0.2, 0.5, 1.0, 2.0)
 """Seconds of wind known in advance."""

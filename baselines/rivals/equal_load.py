@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, fields, replace
 import numpy as np
 from scipy.optimize import brentq
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import (
     PDGains,
     PIDGains,
@@ -21,7 +20,8 @@ from flapgym.control import (
     stationary_rms,
     synthesise,
 )
-from flapgym.state_space import Array, StateSpace
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.model.turbine_model import TurbineModel
 
 CALM = Weights(rbm=0.5, flap_angle=1.0, acceleration=3.6, measurement_noise=0.1)
 """An LQG that weighs acceleration a thousand times as heavily as the shipped one and expects 10 % of noise."""

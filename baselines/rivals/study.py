@@ -17,10 +17,10 @@ from baselines.rivals.bound import CONSTANTS, HOLD, Bound, best_flap, flap_respo
 from baselines.rivals.contestants import PREVIEWS, SHIPPED, PlannedFlap, Rival, predictive, rivals
 from baselines.rivals.equal_load import CALM, as_array, at_equal_load, shipped_gains
 from baselines.shipped import loaded, shipped_weights
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop, PredictiveController, closed_loop
 from flapgym.control.channels import MULTIBLADE
 from flapgym.control.horizon import BLOCKS
+from flapgym.core.state_space import Array, StateSpace
 from flapgym.evaluation import (
     SCORED_SEED,
     Metrics,
@@ -30,7 +30,7 @@ from flapgym.evaluation import (
     root_mean_square,
     simulate,
 )
-from flapgym.state_space import Array, StateSpace
+from flapgym.model.turbine_model import TurbineModel
 
 NOISES = (0.0, 0.01, 0.05, 0.1)
 """Measurement noise of the comparison at equal load, over the open-loop rms moment."""

@@ -20,9 +20,9 @@ from typing import Any
 
 from benchmarks.environment import agreement, endurance, kernels, limits, peers, report, startup
 from benchmarks.page import fill
-from flapgym.aeroelastic import load_model
-from flapgym.atomic import check_target, write_atomically
-from flapgym.program import Parser, Work, real, run, whole
+from flapgym.core.atomic import check_target, write_atomically
+from flapgym.core.program import Parser, Work, real, run, whole
+from flapgym.model import load_model
 
 PARTS = ("peers", "kernels", "order", "startup")
 ORDERS = (0.001, 0.01, 0.1)

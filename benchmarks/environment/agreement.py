@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flapgym.aeroelastic import load_model
 from flapgym.envs.observation import task_of
+from flapgym.model import load_model
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.disturbance import disturbance_system
-from flapgym.plant.reference import run
+from reference.plant import run
 
 STEPS_PER_ACTION = 5
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from benchmarks.environment.timing import best_of
 from benchmarks.turbine.study import Study
-from flapgym.aeroelastic import TurbineModel, load_model
-from flapgym.aeroelastic.compact import compact_model
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
 from flapgym.envs.observation import task_of
+from flapgym.model import TurbineModel, load_model
+from flapgym.model.compact import compact_model
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.modal import modal_form
 from flapgym.turbine import load_case

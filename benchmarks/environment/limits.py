@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.environment.timing import best_of
-from flapgym.aeroelastic import TurbineModel
+from flapgym.model import TurbineModel
 from flapgym.plant import layout
 from flapgym.plant.kernel import prepare
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from benchmarks.errors.entry import Section, line_of
 from benchmarks.errors.files import FILES
-from flapgym.atomic import write_atomically
+from flapgym.core.atomic import write_atomically
 
 SECTIONS: tuple[Section, ...] = (*FILES,)
 """Of the page, in this order."""

@@ -14,11 +14,11 @@ import safetensors.numpy
 
 from benchmarks.errors.entry import Entry, Section, command
 from benchmarks.fuzz.kinds import policy, sealed, small_model
-from flapgym.aeroelastic import load_model, save_model
-from flapgym.atomic import write_atomically
 from flapgym.control import load_agent, save_agent
+from flapgym.core.atomic import write_atomically
+from flapgym.model import load_model, save_model
 from flapgym.turbine import load_case
-from flapgym.turbulence.recording import read_wind
+from flapgym.wind.recording import read_wind
 
 
 def _case(text: str) -> Callable[[], object]:

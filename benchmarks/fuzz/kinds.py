@@ -16,14 +16,14 @@ import numpy as np
 import safetensors.numpy
 
 from benchmarks.fuzz.mutations import Random, as_json, spoilt, spoilt_array, spoilt_entries
-from flapgym.aeroelastic import DEFAULT_MODEL, TurbineModel, load_model, save_model
-from flapgym.aeroelastic.harmonics import PeriodicPart
 from flapgym.cli import describe
 from flapgym.control import Policy, load_agent, save_agent
+from flapgym.core.state_space import StateSpace
 from flapgym.envs import FlapEnv
-from flapgym.state_space import StateSpace
+from flapgym.model import DEFAULT_MODEL, TurbineModel, load_model, save_model
+from flapgym.model.harmonics import PeriodicPart
 from flapgym.turbine import Case, load_case
-from flapgym.turbulence.recording import WindSeries, read_wind
+from flapgym.wind.recording import WindSeries, read_wind
 
 RECORDINGS = (
     "time [s], wind [m/s]\n0.0, 11.3\n0.5, 11.1\n1.0, 10.9\n",

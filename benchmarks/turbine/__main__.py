@@ -19,8 +19,8 @@ from benchmarks.turbine.campbell import TIP_SPEED_RATIOS, campbell
 from benchmarks.turbine.speed import ROUNDS, speed
 from benchmarks.turbine.study import Study, Tell
 from benchmarks.turbine.tips import figure11
+from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
-from flapgym.program import Parser, Work, run
 from flapgym.turbine import load_case
 
 FIGURES = {"figure10": figure10, "figure11": figure11, "figure13": figure13, "figure14": figure14}

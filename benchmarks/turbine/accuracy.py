@@ -12,11 +12,11 @@ from benchmarks.aerodynamics import table
 from benchmarks.turbine.study import Study, Tell
 from flapgym.aeroelastic.coupling import couple
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
-from flapgym.aeroelastic.full import march_turbine
-from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
-from flapgym.state_space import Array, StateSpace
-from flapgym.turbulence import von_karman_spectrum
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.model.multiblade import to_blades, to_components
+from flapgym.wind import von_karman_spectrum
+from reference.full import march_turbine
 
 STEPS = 1500  # 10.5 s, two revolutions
 AZIMUTH = 0.3  # of blade 1 at the start [rad]

@@ -23,17 +23,17 @@ import numpy as np
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import AZIMUTH, OUTPUTS, STEPS, errors, on_blades, signals, time_invariant
 from benchmarks.turbine.study import Study
-from flapgym.aeroelastic import TurbineModel, load_model, save_model
 from flapgym.aeroelastic.build import build_model
-from flapgym.aeroelastic.compact import compact_model
 from flapgym.aeroelastic.equations import periodic_equations
-from flapgym.aeroelastic.floquet import floquet_multipliers
 from flapgym.aeroelastic.flutter import find_flutter
-from flapgym.aeroelastic.harmonics import simulate_periodic
 from flapgym.aeroelastic.periodic import step_matrices
-from flapgym.state_space import Array
+from flapgym.core.state_space import Array
+from flapgym.core.units import DEGREE
+from flapgym.model import TurbineModel, load_model, save_model
+from flapgym.model.compact import compact_model
+from flapgym.model.harmonics import simulate_periodic
 from flapgym.turbine import Case, load_case
-from flapgym.turbine.units import DEGREE
+from reference.floquet import floquet_multipliers
 
 CASE = load_case("nrel5mw-rated")
 REVOLUTIONS = 60

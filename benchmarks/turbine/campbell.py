@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import time_invariant
 from benchmarks.turbine.study import Study, Tell, pyplot
-from flapgym.aeroelastic.damping import CoupledMode, coupled_modes
-from flapgym.atomic import write_picture
+from flapgym.core.atomic import write_picture
+from reference.damping import CoupledMode, coupled_modes
 
 TIP_SPEED_RATIOS = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 TOWER_MODES = 6

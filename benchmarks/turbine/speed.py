@@ -15,14 +15,14 @@ import numpy as np
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import AZIMUTH, REFRESH, signals, time_invariant
 from benchmarks.turbine.study import Study, Tell
-from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.equations import periodic_equations
-from flapgym.aeroelastic.full import march_turbine
 from flapgym.aeroelastic.periodic import PeriodicModel, step_matrices
+from flapgym.core.state_space import Array
 from flapgym.envs.observation import task_of
+from flapgym.model import TurbineModel, load_model
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.modal import modal_form
-from flapgym.state_space import Array
+from reference.full import march_turbine
 
 ROUNDS = 3
 STEPS_PER_ACTION = 5

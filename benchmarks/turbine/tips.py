@@ -8,11 +8,11 @@ import numpy as np
 
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.study import Study, Tell, pyplot
-from flapgym.aeroelastic import TurbineModel, load_model
-from flapgym.aeroelastic.multiblade import to_blades
-from flapgym.atomic import write_picture
-from flapgym.state_space import Array, series
-from flapgym.turbulence import realise, von_karman_filter
+from flapgym.core.atomic import write_picture
+from flapgym.core.state_space import Array, series
+from flapgym.model import TurbineModel, load_model
+from flapgym.model.multiblade import to_blades
+from flapgym.wind import realise, von_karman_filter
 
 CYCLES = (28, 37)  # the paper's window
 SEED = 11

@@ -17,10 +17,10 @@ from benchmarks.page import fill
 from benchmarks.validation.comparison import Comparison, compare
 from benchmarks.validation.picture import draw
 from benchmarks.validation.report import comparison_table, verdict
-from flapgym.aeroelastic import load_model
-from flapgym.atomic import write_together
+from flapgym.core.atomic import write_together
+from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
-from flapgym.program import Parser, Work, run
+from flapgym.model import load_model
 
 WRITTEN = ("validation.json", "validation.md", "validation.png")
 """Data, table and picture."""

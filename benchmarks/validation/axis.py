@@ -25,15 +25,15 @@ from baselines.tune import CONFIG
 from benchmarks.page import fill, table
 from benchmarks.turbine.bode import FEW_MODES, decibel, first_peak, on_towers, tip, tower_marks
 from benchmarks.turbine.study import Study, reduce_rotor, with_modes
-from flapgym.aeroelastic import TurbineModel
 from flapgym.aeroelastic.cache import cached_model
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.design import frozen_turbine
-from flapgym.atomic import write_atomically
 from flapgym.control import OpenLoop
+from flapgym.core.atomic import write_atomically
+from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import SCORED_SEED, simulate, writable_folder
 from flapgym.evaluation.compare import PAPER_LENGTH
-from flapgym.program import Parser, Work, run
+from flapgym.model import TurbineModel
 from flapgym.turbine import Case, load_case
 
 PAPER = "nrel5mw-rated"

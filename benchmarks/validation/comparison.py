@@ -19,7 +19,7 @@ from benchmarks.validation.measures import (
 from benchmarks.validation.reference import WIND_SPEED, Figures, Series, read_figures, read_series
 from benchmarks.validation.rows import AtLeast, Between, Limit, Near, Row, Unit, Within
 from benchmarks.validation.steady import Means, RigidAnswer, means, rigid_answer
-from flapgym.aeroelastic import TurbineModel
+from flapgym.model import TurbineModel
 from flapgym.turbine import Case, load_turbine
 
 DEGREE = np.pi / 180.0

@@ -8,8 +8,8 @@ import numpy as np
 import scipy.signal
 
 from benchmarks.validation.reference import WIND_SPEED, Array, Series
-from flapgym.aeroelastic import TurbineModel
 from flapgym.evaluation.metrics import damage_equivalent_load
+from flapgym.model import TurbineModel
 
 STARTUP = 20.0
 """Left out of every series [s]: OpenFAST starts from an unbent blade and no wake."""

@@ -20,13 +20,13 @@ from benchmarks.page import fill, table
 from benchmarks.validation.comparison import PROGRAMS, turbulence
 from benchmarks.validation.measures import statistics
 from benchmarks.validation.steady import Means, means, rigid_answer
-from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.cache import cached_model
-from flapgym.atomic import write_atomically
+from flapgym.core.atomic import write_atomically
+from flapgym.core.program import Parser, Work, run
+from flapgym.core.units import DEGREE
 from flapgym.evaluation import writable_folder
-from flapgym.program import Parser, Work, run
+from flapgym.model import TurbineModel, load_model
 from flapgym.turbine import Case, load_case
-from flapgym.turbine.units import DEGREE
 
 FIRST, LAST = "nrel5mw-rated", "nrel5mw-corrected"
 TERMS = {

@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 
 import flapgym  # registers the environments
-from flapgym.envs.wrappers import TargetAngle
+from flapgym.wrappers.single import TargetAngle
 
 HORIZON, CANDIDATES = 15, 40
 

@@ -15,7 +15,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecMonitor
 
 import flapgym  # registers the environments
-from flapgym.envs.sb3 import FlapVecEnv
+from flapgym.adapters.sb3 import FlapVecEnv
 
 
 def environment(turbines: int, seed: int) -> VecMonitor:

@@ -7,8 +7,8 @@ import numpy as np
 from flapgym.aerodynamics.downwash import glauert_scale
 from flapgym.aerodynamics.rigid import rigid_rotor
 from flapgym.aerodynamics.rotor import root_moment_load
+from flapgym.core.wording import number
 from flapgym.turbine import Case
-from flapgym.wording import number
 
 FREQUENCIES = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0)  # Hz; nothing above 3 Hz is independent of the discretisation
 

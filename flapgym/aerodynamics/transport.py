@@ -21,7 +21,7 @@ from flapgym.aerodynamics.lattice import wake_ages, wake_nodes
 from flapgym.aerodynamics.model import Aerodynamics, blade_turns
 from flapgym.aerodynamics.response import collective_response
 from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load, wake_rows
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
 from flapgym.turbine import Case
 
 Array = NDArray[np.float64]

@@ -27,12 +27,12 @@ from flapgym.aeroelastic.interaction import (
     velocity_downwash,
 )
 from flapgym.aeroelastic.lattice_motion import lattice_motion, mode_downwash, segment_motion
+from flapgym.core.state_space import Array
+from flapgym.core.wording import number
 from flapgym.reduction import ReducedSystem, balanced_reduction
-from flapgym.state_space import Array
 from flapgym.structure import LinearBlade
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
-from flapgym.wording import number
 
 _MOST_ROWS = 4096
 _SCALING_FREQUENCY = 0.2  # Hz; lattice outputs count by their size here, where turbulence has its energy

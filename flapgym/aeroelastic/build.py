@@ -17,21 +17,21 @@ from flapgym.aeroelastic.blade_lattice import (
     reduce_stacked,
     reduction_error,
 )
-from flapgym.aeroelastic.compact import compact_model
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equations
-from flapgym.aeroelastic.harmonics import TOLERANCE, fourier_series
-from flapgym.aeroelastic.model import TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
 from flapgym.aeroelastic.periodic import step_matrices
-from flapgym.aeroelastic.record import Record, readings
 from flapgym.aeroelastic.trim import deflected_lattice, trim
 from flapgym.aeroelastic.uneven import UnevenParts, assemble_uneven, multiblade_equations, uneven_equations
+from flapgym.core.state_space import Array, StateSpace, delayed, series
+from flapgym.core.wording import number
+from flapgym.model.compact import compact_model
+from flapgym.model.harmonics import TOLERANCE, fourier_series
+from flapgym.model.record import Record, readings
+from flapgym.model.turbine_model import TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
 from flapgym.reduction import ReducedSystem, normal_modes, output_rms
-from flapgym.state_space import Array, StateSpace, delayed, series
 from flapgym.structure import linear_support
 from flapgym.turbine import Case
-from flapgym.turbulence import von_karman_filter
-from flapgym.wording import number
+from flapgym.wind import von_karman_filter
 
 Progress = Callable[[str], None]
 

@@ -15,8 +15,8 @@ from filelock import FileLock
 
 from flapgym.aeroelastic.build import STAGES, Progress, build_model, tools
 from flapgym.aeroelastic.flutter import find_flutter
-from flapgym.aeroelastic.model import FORMAT_VERSION, TurbineModel, load_model, save_model
 from flapgym.aeroelastic.sources import PACKAGE, files_behind
+from flapgym.model.turbine_model import FORMAT_VERSION, TurbineModel, load_model, save_model
 from flapgym.turbine import Case
 
 FLUTTER = "flutter"

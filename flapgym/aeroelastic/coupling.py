@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.aeroelastic.multiblade import WORK_WEIGHTS, derivative_coupling
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.model.multiblade import WORK_WEIGHTS, derivative_coupling
 from flapgym.reduction import ReducedSystem
-from flapgym.state_space import Array, StateSpace
 
 
 @dataclass(frozen=True, eq=False)

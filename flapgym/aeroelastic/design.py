@@ -20,8 +20,8 @@ from flapgym.aeroelastic.equations import (
     periodic_equations,
     root_moment,
 )
+from flapgym.core.state_space import StateSpace
 from flapgym.reduction import ReducedSystem
-from flapgym.state_space import StateSpace
 
 SWAY = ("hub_velocity", "hub_acceleration")
 

@@ -16,9 +16,9 @@ from flapgym.aerodynamics import build_aerodynamics
 from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, couple
 from flapgym.aeroelastic.equations import Parts, modal_blade_matrices
-from flapgym.aeroelastic.record import Flutter
+from flapgym.core.state_space import StateSpace
+from flapgym.model.record import Flutter
 from flapgym.reduction import normal_modes
-from flapgym.state_space import StateSpace
 from flapgym.structure import EquilibriumError, linear_blade, linear_support
 from flapgym.turbine import Case
 

@@ -25,7 +25,8 @@ from flapgym.aeroelastic.coupling import (
     instant,
     reading,
 )
-from flapgym.aeroelastic.multiblade import (
+from flapgym.core.state_space import Array
+from flapgym.model.multiblade import (
     BLADES,
     blade_azimuths,
     derivative_coupling,
@@ -33,7 +34,6 @@ from flapgym.aeroelastic.multiblade import (
     on_rotor,
 )
 from flapgym.reduction import ReducedSystem
-from flapgym.state_space import Array
 
 PERIODIC_INPUTS = (*(f"flap_angle_{b}" for b in (1, 2, 3)), *(f"flap_rate_{b}" for b in (1, 2, 3)), "wind")
 IMBALANCE = "imbalance"

@@ -11,10 +11,10 @@ import numpy as np
 import scipy.linalg
 
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder
-from flapgym.aeroelastic.model import TURBINE_INPUTS, TURBINE_OUTPUTS
-from flapgym.aeroelastic.multiblade import BLADES, blade_azimuths, derivative_coupling, on_rotor
 from flapgym.aeroelastic.periodic import PERIODIC_INPUTS
-from flapgym.state_space import Array
+from flapgym.core.state_space import Array
+from flapgym.model.multiblade import BLADES, blade_azimuths, derivative_coupling, on_rotor
+from flapgym.model.turbine_model import TURBINE_INPUTS, TURBINE_OUTPUTS
 
 Step = tuple[Array, Array, Array, Array]
 

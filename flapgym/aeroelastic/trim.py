@@ -20,10 +20,10 @@ from flapgym.aerodynamics import (
 )
 from flapgym.aerodynamics.rotor import mean_is_perturbations
 from flapgym.aeroelastic.interaction import interpolation, lattice_shape
-from flapgym.state_space import Array
+from flapgym.core.state_space import Array
+from flapgym.core.wording import number
 from flapgym.structure import EquilibriumError, LinearBlade, linear_blade
 from flapgym.turbine import Case
-from flapgym.wording import number
 
 MAX_ITERATIONS = 20
 TOLERANCE = 1e-6

@@ -23,8 +23,8 @@ from flapgym.aeroelastic.equations import Parts, blade_by_blade
 from flapgym.aeroelastic.periodic import PeriodicEquations
 from flapgym.aeroelastic.transform import in_multiblade
 from flapgym.aeroelastic.trim import Trim, trim
+from flapgym.core.state_space import Array
 from flapgym.reduction import normal_modes
-from flapgym.state_space import Array
 from flapgym.structure import LinearBlade, linear_support
 from flapgym.structure.rotation import hat
 from flapgym.turbine import Case

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.state_space import require_time_step
+from flapgym.core.state_space import require_time_step
 
 BLADES = 3
 

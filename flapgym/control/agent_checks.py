@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from flapgym.control.agent import Agent, Array, OpenLoop
-from flapgym.wording import shown
+from flapgym.core.wording import shown
 
 BLADE_QUANTITIES = ("rbm", "flap_angle", "flap_rate", "tip_deflection")
 """Observations of which each blade has one."""

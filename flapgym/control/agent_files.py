@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel
-from flapgym.atomic import write_atomically
 from flapgym.control.agent import Agent, OpenLoop, check_time_step
 from flapgym.control.agent_checks import check_numbers, naming
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
 from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.policy import Policy
 from flapgym.control.rotor_controller import RotorController
-from flapgym.files import MEGABYTE, check_plain, read_json
-from flapgym.state_space import Array, StateSpace
-from flapgym.wording import one_line, shown
+from flapgym.core.atomic import write_atomically
+from flapgym.core.files import MEGABYTE, check_plain, read_json
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.wording import one_line, shown
+from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel
 
 FORMAT_VERSION = 2
 LARGEST = 16 * MEGABYTE

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flapgym.control.agent import Array, Floats, by_blade
 from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
 from flapgym.control.channels import BLADE
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
 
 CONTROLLER_INPUTS = BLADE.inputs
 CONTROLLER_OUTPUTS = BLADE.outputs

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from flapgym.aeroelastic.model import TurbineModel
-from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.control.channels import BLADE, ROTOR, controller_channels
-from flapgym.state_space import Array, StateSpace, require_time_step, series
-from flapgym.turbine.fields import Count, Quantity
-from flapgym.turbulence import von_karman_filter
+from flapgym.core.fields import Count, Quantity
+from flapgym.core.state_space import Array, StateSpace, require_time_step, series
+from flapgym.model.multiblade import to_blades, to_components
+from flapgym.model.turbine_model import TurbineModel
+from flapgym.wind import von_karman_filter
 
 LARGEST_EFFECTIVENESS = 8.0
 """Where the search for the stability margin ends."""

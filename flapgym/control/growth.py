@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.agent import Agent
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.channels import ROTOR
 from flapgym.control.closed_loop import closed_loop, growth_per_turn
 from flapgym.control.mpc import PredictiveController
 from flapgym.control.rotor_controller import RotorController
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
+from flapgym.model.turbine_model import TurbineModel
 
 
 @dataclass(frozen=True)

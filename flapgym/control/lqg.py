@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.channels import Channels, controller_channels
 from flapgym.control.closed_loop import require_model_step
 from flapgym.control.rotor_controller import RotorController
-from flapgym.state_space import Array, StateSpace, series
-from flapgym.turbine.fields import Quantity
-from flapgym.turbulence import von_karman_filter
+from flapgym.core.fields import Quantity
+from flapgym.core.state_space import Array, StateSpace, series
+from flapgym.model.turbine_model import TurbineModel
+from flapgym.wind import von_karman_filter
 
 RBM_UNIT = 1e6
 """One unit of the root bending moment in the cost and the observer [N m]."""

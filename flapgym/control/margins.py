@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.channels import controller_channels
 from flapgym.control.closed_loop import closed_loop
 from flapgym.control.growth import growth
 from flapgym.control.peak_gain import peak_gain
-from flapgym.state_space import StateSpace
-from flapgym.turbine.fields import Count
+from flapgym.core.fields import Count
+from flapgym.core.state_space import StateSpace
+from flapgym.model.turbine_model import TurbineModel
 
 
 @dataclass(frozen=True)

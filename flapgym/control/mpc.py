@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.agent import BLADES, Array, Floats, by_blade
 from flapgym.control.blade_controller import CONTROLLER_INPUTS
 from flapgym.control.channels import BLADE
@@ -24,9 +23,10 @@ from flapgym.control.lqg import (
     first_estimate,
     synthesise,
 )
-from flapgym.state_space import StateSpace
-from flapgym.turbine.fields import Count
-from flapgym.turbulence import von_karman_filter
+from flapgym.core.fields import Count
+from flapgym.core.state_space import StateSpace
+from flapgym.model.turbine_model import TurbineModel
+from flapgym.wind import von_karman_filter
 
 SOLVED = 1
 """Exit flag of the solver: optimal."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
-from flapgym.state_space import StateSpace
-from flapgym.turbine.fields import Quantity
+from flapgym.core.fields import Quantity
+from flapgym.core.state_space import StateSpace
+from flapgym.model.turbine_model import TurbineModel
 
 PD_START = np.array([[1.0, 0.0, 0.0]])
 """First state per unit of the first inputs: the low-passed moment is the moment, so its slope begins at zero."""

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from flapgym.state_space import Array, StateSpace, TransferFunction
+from flapgym.core.state_space import Array, StateSpace, TransferFunction
 
 TOLERANCE = 1e-6
 """Of the peak, relative: no frequency has a gain larger than the one returned by more than that."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
-from flapgym.aeroelastic.multiblade import blade_azimuths
 from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.closed_loop import flaps_loop, growth_per_turn, require_model_step
 from flapgym.control.margins import DiskMargin
-from flapgym.state_space import Array, StateSpace, TransferFunction
+from flapgym.core.state_space import Array, StateSpace, TransferFunction
+from flapgym.model.multiblade import blade_azimuths
+from flapgym.model.turbine_model import TurbineModel
 
 Response = NDArray[np.complexfloating]
 Indices = NDArray[np.integer]

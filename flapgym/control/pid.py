@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.channels import MULTIBLADE
 from flapgym.control.pd import PD_START, PDGains, pd_controller
 from flapgym.control.rotor_controller import RotorController
-from flapgym.state_space import Array, StateSpace
-from flapgym.turbine.fields import Quantity
+from flapgym.core.fields import Quantity
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.model.turbine_model import TurbineModel
 
 PID_START = np.vstack([PD_START, np.zeros((1, 3))])
 """First state per unit of the first inputs: no slope, and nothing integrated yet."""

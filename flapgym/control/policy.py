@@ -17,7 +17,7 @@ from flapgym.control.agent_checks import (
     check_steps_per_action,
     naming,
 )
-from flapgym.wording import shown
+from flapgym.core.wording import shown
 
 Activation = Literal["tanh", "relu"]
 Squash = Literal["clip", "tanh"]

@@ -13,18 +13,18 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
-from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.core.state_space import Array, series
+from flapgym.core.wording import number, shown
 from flapgym.envs.observation import DISPLACEMENTS, bound_of, task_of
 from flapgym.envs.settings import FRACTION, Settings
+from flapgym.model.multiblade import BLADES
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.delayed import DelayedPlant
 from flapgym.plant.kernel import fingerprint
 from flapgym.plant.states import checked_state, checked_whole
 from flapgym.reduction import output_rms
-from flapgym.state_space import Array, series
-from flapgym.turbulence import von_karman_filter
-from flapgym.wording import number, shown
+from flapgym.wind import von_karman_filter
 
 FLOAT32, FLOAT64 = np.dtype(np.float32), np.dtype(np.float64)
 BIT_GENERATORS = ("MT19937", "PCG64", "PCG64DXSM", "Philox", "SFC64")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
-from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.model.multiblade import BLADES
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import Task, layout
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
-from flapgym.aeroelastic.nameplate import nameplate
+from flapgym.model.nameplate import nameplate
+from flapgym.model.turbine_model import TurbineModel
 
 WIDTH, HEIGHT = 640, 480
 SPAN = 20.0

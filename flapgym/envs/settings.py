@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
-from flapgym.aeroelastic.nameplate import nameplate
+from flapgym.core.wording import number, shown
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
+from flapgym.model.nameplate import nameplate
+from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.plant import KERNELS, PRECISIONS, Faults, GivenWind
 from flapgym.turbine import BUILT_IN, load_case
-from flapgym.turbulence import gust_of
-from flapgym.turbulence.gusts import ROUNDING, ExtremeOperatingGust, Recorded, Sinusoid, is_number
-from flapgym.wording import number, shown
+from flapgym.wind import gust_of
+from flapgym.wind.gusts import ROUNDING, ExtremeOperatingGust, Recorded, Sinusoid, is_number
 
 LARGEST_POOL = 1_000_000
 """Realisations of a pool: each takes some kilobytes from the start and half a megabyte once it has been met."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.core.state_space import Array
+from flapgym.model.multiblade import BLADES
 from flapgym.plant import layout
-from flapgym.state_space import Array
 
 RBM, TIP, ANGLE, RATE, TRAVEL, MEAN_SQUARE, STOPPED = (
     slice(column, column + BLADES)

@@ -14,7 +14,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.core.state_space import Array
+from flapgym.core.wording import number, shown
 from flapgym.envs.fleet import (
     UNREADABLE,
     Fleet,
@@ -31,9 +32,8 @@ from flapgym.envs.fleet import (
 from flapgym.envs.rendering import SHOWN, Screen
 from flapgym.envs.settings import Settings
 from flapgym.envs.spec import completed
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.states import checked_observation
-from flapgym.state_space import Array
-from flapgym.wording import number, shown
 
 Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
 MOST_TURBINES = 1_000_000

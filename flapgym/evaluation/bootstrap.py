@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import bootstrap
 
+from flapgym.core.fields import Numbers
+from flapgym.core.wording import number
 from flapgym.evaluation.metrics import FATIGUE_SLOPE, summed_damage_load
-from flapgym.turbine.fields import Numbers
-from flapgym.wording import number
 
 CONFIDENCE = 0.95
 RESAMPLES = 9999

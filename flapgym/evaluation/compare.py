@@ -9,19 +9,19 @@ from dataclasses import dataclass, fields
 import numpy as np
 from tqdm import tqdm
 
-from flapgym.aeroelastic.model import DEFAULT_MODEL, TurbineModel, load_model
-from flapgym.aeroelastic.nameplate import Nameplate, nameplate
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.agent import check_time_step
 from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
+from flapgym.core.fields import Count, Quantity
+from flapgym.core.wording import shown
 from flapgym.envs.observation import QUANTITIES
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.report import FILES, writable_folder, write_report
 from flapgym.evaluation.simulate import BATCH, simulate
-from flapgym.turbine.fields import Count, Quantity
-from flapgym.wording import shown
+from flapgym.model.nameplate import Nameplate, nameplate
+from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
 
 SCORED_SEED = 1_000_000
 """First seed of the scored realisations: tuning and training keep away from this and the next thousand."""

@@ -8,7 +8,7 @@ import numpy as np
 import rainflow
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.turbine.fields import Numbers, Quantity
+from flapgym.core.fields import Numbers, Quantity
 
 FATIGUE_SLOPE = 10.0
 """Slope of the S-N curve, typical of composite blades (the paper's choice)."""

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flapgym.atomic import check_target, write_together
+from flapgym.core.atomic import check_target, write_together
+from flapgym.core.wording import number
 from flapgym.evaluation.bootstrap import Estimate
 from flapgym.evaluation.figure import draw_figure, figure_is_possible
 from flapgym.evaluation.metrics import EQUIVALENT_FREQUENCY, FATIGUE_SLOPE
-from flapgym.wording import number
 
 if TYPE_CHECKING:
     from flapgym.evaluation.compare import Comparison, Score

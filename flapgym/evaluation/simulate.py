@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.aeroelastic.model import TurbineModel
 from flapgym.control import Agent, OpenLoop
 from flapgym.control.agent import check_time_step
+from flapgym.core.fields import Quantity
+from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
 from flapgym.evaluation.metrics import Record
-from flapgym.turbine.fields import Quantity
-from flapgym.wording import shown
+from flapgym.model.turbine_model import TurbineModel
 
 BATCH = 10
 """Realisations run side by side: more of them would hold gigabytes of samples."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.core.fields import Count
+from flapgym.core.wording import shown
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.actuator import Actuator, Faults
 from flapgym.plant.delayed import DelayedPlant
 from flapgym.plant.held import NEAREST, distance
@@ -12,8 +14,6 @@ from flapgym.plant.interface import GivenWind, Interval, Plant, Setup, Start, Ta
 from flapgym.plant.kernel import prepare
 from flapgym.plant.lifted_plant import LiftedPlant
 from flapgym.plant.periodic_plant import PeriodicPlant
-from flapgym.turbine.fields import Count
-from flapgym.wording import shown
 
 __all__ = [
     "KERNELS",

@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.core.fields import Count, PerBlade, Quantity
+from flapgym.core.state_space import Array
 from flapgym.plant.layout import TOUCH
-from flapgym.state_space import Array
-from flapgym.turbine.fields import Count, PerBlade, Quantity
 
 FEW = 16
 """Number of flaps at a stop up to which they are stepped one by one."""

@@ -13,7 +13,8 @@ from numba import njit, types
 from numba.core import event
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.core.state_space import Array
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import compiled, layout
 from flapgym.plant.actuator import Actuator
 from flapgym.plant.compiled_loops import OPTIONS
@@ -24,7 +25,6 @@ from flapgym.plant.modal import ComplexArray
 from flapgym.plant.responses import Responses
 from flapgym.plant.sampled import fill_instant, plant_fingerprint
 from flapgym.plant.stuck import first_modes
-from flapgym.state_space import Array
 
 
 class _Announce(event.Listener):

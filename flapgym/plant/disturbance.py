@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.core.state_space import Array, StateSpace, series
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.frame import OutputRows
 from flapgym.plant.lifted import Lifted, lift
 from flapgym.plant.modal import Modal, modal_form
-from flapgym.state_space import Array, StateSpace, series
-from flapgym.turbulence import von_karman_filter
+from flapgym.wind import von_karman_filter
 
 RESPONSE_CHUNK = 2048
 """Samples of a given wind whose states are kept at once."""

@@ -1,7 +1,7 @@
 """Multi-blade components over an interval of k steps, seen from the azimuth at which the interval starts.
 
 A turbine's azimuth theta at the interval's start enters once, as the transform between blades and components
-(flapgym.aeroelastic.multiblade); the turn by j Omega dt up to sample j is the same in every interval and for
+(flapgym.model.multiblade); the turn by j Omega dt up to sample j is the same in every interval and for
 every turbine, so it is folded into the lifted matrices here.
 """
 
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.aeroelastic.model import TURBINE_OUTPUTS
-from flapgym.aeroelastic.multiblade import BLADES
-from flapgym.state_space import Array
+from flapgym.core.state_space import Array
+from flapgym.model.multiblade import BLADES
+from flapgym.model.turbine_model import TURBINE_OUTPUTS
 
 
 def turned(angle: float) -> Array:

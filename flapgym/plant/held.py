@@ -19,11 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.core.state_space import Array
+from flapgym.model.multiblade import BLADES
 from flapgym.plant.frame import turned
 from flapgym.plant.layout import FLAP_INPUTS
 from flapgym.plant.modal import ComplexArray, Modal
-from flapgym.state_space import Array
 
 NEAREST = 5e-4
 """Least distance of a mode from what a flap at rest excites: of the loads, 4e-6 is lost in single precision."""

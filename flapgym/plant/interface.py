@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.core.state_space import Array
 from flapgym.plant.actuator import Faults
 from flapgym.plant.layout import REWARD, WIND
-from flapgym.state_space import Array
 
 Told = tuple[int, float, float]
 """What `Plant.step` returns, and of the first turbine the reward and the wind perturbation [m/s], which mean nothing if

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.aeroelastic.model import BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.model.turbine_model import BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
 from flapgym.plant.frame import OutputRows, input_frame
 from flapgym.plant.held import Held, held
 from flapgym.plant.layout import FLAP_INPUTS
 from flapgym.plant.lifted import Lifted, lift
 from flapgym.plant.modal import Modal, modal_form
-from flapgym.state_space import Array, StateSpace
 
 
 @dataclass(frozen=True, eq=False)

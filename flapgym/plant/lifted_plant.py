@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
-from flapgym.aeroelastic.multiblade import blade_azimuths, to_blades, to_components
+from flapgym.core.state_space import Array
+from flapgym.model.multiblade import blade_azimuths, to_blades, to_components
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.interface import Interval, Setup, Start, Task
 from flapgym.plant.kernel import prepare
 from flapgym.plant.layout import FLAP_INPUTS
 from flapgym.plant.responses import Responses
 from flapgym.plant.sampled import SampledPlant
 from flapgym.plant.stuck import first_modes
-from flapgym.state_space import Array
 
 
 class LiftedPlant(SampledPlant):

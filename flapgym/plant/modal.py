@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from flapgym.state_space import Array, StateSpace
+from flapgym.core.state_space import Array, StateSpace
 
 ComplexArray = NDArray[np.complex128]
 

@@ -1,7 +1,7 @@
 """The turbine of unequal blades, whose matrices follow the azimuth: stepped sample by sample, wind and flaps together.
 
 In multi-blade coordinates the matrices are their mean over a revolution and a small part of low rank that turns
-(flapgym.aeroelastic.harmonics). That part forbids modes, but costs little; a plant step is one product with the mean.
+(flapgym.model.harmonics). That part forbids modes, but costs little; a plant step is one product with the mean.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.harmonics import PeriodicPart
-from flapgym.aeroelastic.model import TurbineModel
-from flapgym.aeroelastic.multiblade import to_blades, to_components
+from flapgym.core.state_space import Array, StateSpace
+from flapgym.model.harmonics import PeriodicPart
+from flapgym.model.multiblade import to_blades, to_components
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.disturbance import disturbance_modes
 from flapgym.plant.interface import Interval, Setup, Start, Task
 from flapgym.plant.layout import FLAP_INPUTS
@@ -24,8 +25,7 @@ from flapgym.plant.modal import modal_form
 from flapgym.plant.responses import realisation_noise
 from flapgym.plant.sampled import SampledPlant
 from flapgym.plant.stuck import first_modes
-from flapgym.state_space import Array, StateSpace
-from flapgym.turbulence import von_karman_filter
+from flapgym.wind import von_karman_filter
 
 _AZIMUTHS = 64
 """Around the revolution, for the steady motion of an unbalanced rotor."""

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.core.state_space import Array
 from flapgym.plant.disturbance import wind_response
 from flapgym.plant.interface import FloatArray, GivenWind, Setup, Start
 from flapgym.plant.kernel import Kernel
 from flapgym.plant.layout import OUTPUTS
-from flapgym.state_space import Array
 
 
 class Pool:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.core.state_space import Array
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.actuator import Actuator
 from flapgym.plant.interface import FloatArray, Interval, Quick, Setup, Start, Task, told
 from flapgym.plant.kernel import fingerprint
@@ -37,7 +38,6 @@ from flapgym.plant.layout import (
     TRAVEL,
     WIND,
 )
-from flapgym.state_space import Array
 
 NONFINITE, OVER, WRONG_COUNT, BAD_ACTION = 1, 2, -1, -2
 """What `Plant.step` returns: two bits, or a negative number (BAD_ACTION - i for action i)."""

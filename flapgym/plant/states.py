@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.aeroelastic.model import TurbineModel
+from flapgym.core.state_space import Array
+from flapgym.core.wording import number, shown
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.interface import Setup
-from flapgym.state_space import Array
-from flapgym.wording import number, shown
 
 _ROUNDING = 1.0 + 1e-9
 """A flap may be stuck at its stop but for this."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from flapgym.aeroelastic.multiblade import BLADES
+from flapgym.core.state_space import Array
+from flapgym.model.multiblade import BLADES
 from flapgym.plant.interface import Setup
 from flapgym.plant.modal import ComplexArray, Modal
-from flapgym.state_space import Array
 
 
 def first_modes(flap: Modal, setup: Setup, azimuth: Array, turn: float) -> ComplexArray:

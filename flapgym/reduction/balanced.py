@@ -15,8 +15,8 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from flapgym.turbine.fields import Count
-from flapgym.wording import shown
+from flapgym.core.fields import Count
+from flapgym.core.wording import shown
 
 ComplexArray = NDArray[np.complex128]
 # Real for the collective component, complex for whirl.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from flapgym.state_space import Array, StateSpace, require_time_step, series
+from flapgym.core.state_space import Array, StateSpace, require_time_step, series
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from flapgym.structure.blade import blade_beam, linear_blade, mean_gravity_load
 from flapgym.structure.body import LinearBlade
 from flapgym.structure.equilibrium import EquilibriumError, solve_equilibrium
 from flapgym.structure.modes import Mode, modes_table, named_modes
-from flapgym.structure.multibody import MovingTurbine
 from flapgym.structure.rotating import multi_blade_matrices, rotating_modes
 from flapgym.structure.support import LinearSupport, linear_support
 
@@ -17,7 +16,6 @@ __all__ = [
     "LinearBlade",
     "LinearSupport",
     "Mode",
-    "MovingTurbine",
     "assemble",
     "blade_beam",
     "hub_velocity",

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 
+from flapgym.core.fields import Count, Quantity
 from flapgym.structure.blade import linear_blade
 from flapgym.structure.body import LinearBlade
 from flapgym.structure.rotation import Array, about_x, hat
 from flapgym.structure.support import LinearSupport, linear_support
 from flapgym.turbine import Turbine
-from flapgym.turbine.fields import Count, Quantity
 
 
 def hub_velocity(support: LinearSupport, azimuth: float, rotor_speed: float) -> tuple[Array, Array]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from flapgym.core.fields import Quantity
 from flapgym.structure.beam import Beam, Configuration
 from flapgym.structure.body import LinearBlade, linearise
 from flapgym.structure.equilibrium import solve_equilibrium
 from flapgym.structure.inertia import distribution, section_mass
 from flapgym.structure.rotation import Array, about_y, about_z
 from flapgym.turbine import BladeSections, Turbine
-from flapgym.turbine.fields import Quantity
 
 SHEAR_TO_AXIAL = 10.0
 """Shear stiffness over axial stiffness. None is published, and the turbine's definition knows no shear: ten

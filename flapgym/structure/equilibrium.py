@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from flapgym.core.fields import Count
 from flapgym.structure.beam import Beam, Configuration, internal_force, tangent
 from flapgym.structure.inertia import distribution, linearise_inertia, steady_force
 from flapgym.structure.rotation import Array, hat
-from flapgym.turbine.fields import Count
 
 MAX_ITERATIONS = 60
 TOLERANCE = 1e-13

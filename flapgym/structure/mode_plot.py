@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.atomic import write_picture
+from flapgym.core.atomic import write_picture
 from flapgym.structure.blade import blade_beam
 from flapgym.structure.modes import Mode, named_modes
 from flapgym.structure.rotation import Array, about_x

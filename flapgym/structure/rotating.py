@@ -12,13 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigs
 
+from flapgym.core.fields import Count, Quantity
 from flapgym.structure.assembly import assemble
 from flapgym.structure.blade import linear_blade
 from flapgym.structure.body import LinearBlade
 from flapgym.structure.rotation import Array
 from flapgym.structure.support import LinearSupport, linear_support
 from flapgym.turbine import Turbine
-from flapgym.turbine.fields import Count, Quantity
 
 BLADES = 3
 

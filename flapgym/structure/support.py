@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flapgym.core.fields import Quantity
 from flapgym.structure.beam import Beam, Configuration, tangent
 from flapgym.structure.blade import SHEAR_TO_AXIAL
 from flapgym.structure.inertia import distribution, linearise_inertia, section_mass
 from flapgym.structure.rotation import Array, about_y, hat, rigid_displacement
 from flapgym.turbine import Turbine
-from flapgym.turbine.fields import Quantity
 
 SHAFT_AXIAL_STIFFNESS = 1e13
 """Axial and shear stiffness of the shaft [N], which only twists and barely bends."""

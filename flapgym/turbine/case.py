@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from flapgym.turbine.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain, to_plain
+from flapgym.core.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain, to_plain
+from flapgym.core.units import DEGREE
+from flapgym.core.wording import number
 from flapgym.turbine.machine import Turbine
-from flapgym.turbine.units import DEGREE
-from flapgym.wording import number
 
 _Limit = 1000 * DEGREE
 

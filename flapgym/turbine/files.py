@@ -14,11 +14,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
-from flapgym.files import LARGEST_SETTINGS, read_toml, regular_file
+from flapgym.core.fields import Text, read
+from flapgym.core.files import LARGEST_SETTINGS, read_toml, regular_file
+from flapgym.core.wording import shown
 from flapgym.turbine.case import Case
-from flapgym.turbine.fields import Text, read
 from flapgym.turbine.machine import Turbine
-from flapgym.wording import shown
 
 T = TypeVar("T")
 

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import numpy as np
 
-from flapgym.turbine.fields import Array, Column, Count, Quantity, Text, TextColumn, check_fields, to_plain
-from flapgym.turbine.units import DEGREE
+from flapgym.core.fields import Array, Column, Count, Quantity, Text, TextColumn, check_fields, to_plain
+from flapgym.core.units import DEGREE
 
 _Length = Annotated[float, Quantity("length", above=0.0)]
 _Mass = Annotated[float, Quantity("mass", at_least=0.0)]

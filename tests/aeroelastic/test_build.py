@@ -7,19 +7,19 @@ import pytest
 
 from flapgym.aerodynamics import march
 from flapgym.aerodynamics.downwash import glauert_scale
-from flapgym.aeroelastic import TurbineModel, load_model
 from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component
 from flapgym.aeroelastic.build import STAGES, build_model, open_loop_rms
-from flapgym.aeroelastic.compact import activity
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, turbine_equations
-from flapgym.aeroelastic.exact import harmonic_response
-from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.trim import trim
+from flapgym.model import TurbineModel, load_model
+from flapgym.model.compact import activity
+from flapgym.model.multiblade import to_blades, to_components
 from flapgym.reduction import normal_modes, relative_error
 from flapgym.structure import linear_support
 from flapgym.turbine import load_case
-from flapgym.turbulence import von_karman_spectrum
+from flapgym.wind import von_karman_spectrum
+from reference.exact import harmonic_response
 
 CASE = load_case("nrel5mw-rated")
 DT = CASE.discretisation.time_step

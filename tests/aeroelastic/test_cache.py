@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import flapgym.aeroelastic.cache as cache
-from flapgym.aeroelastic import load_model
 from flapgym.aeroelastic.cache import cache_folder, cached_model, cached_path
-from flapgym.aeroelastic.record import Flutter
 from flapgym.aeroelastic.sources import PACKAGE, files_behind
+from flapgym.model import load_model
+from flapgym.model.record import Flutter
 from flapgym.turbine import load_case
 
 CASE = load_case("nrel5mw-rated")

@@ -9,11 +9,11 @@ from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.equations import periodic_equations
-from flapgym.aeroelastic.model import TURBINE_INPUTS, TURBINE_OUTPUTS
-from flapgym.aeroelastic.multiblade import to_components
 from flapgym.aeroelastic.periodic import periodic_model, step_matrices
 from flapgym.aeroelastic.transform import spread_matrix, step_in_multiblade
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
+from flapgym.model.multiblade import to_components
+from flapgym.model.turbine_model import TURBINE_INPUTS, TURBINE_OUTPUTS
 from flapgym.turbine import load_case
 
 CASE = load_case("nrel5mw-rated")

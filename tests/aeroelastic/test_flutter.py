@@ -9,7 +9,7 @@ import scipy.optimize
 from flapgym.aerodynamics import transfer_function
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, couple
 from flapgym.aeroelastic.flutter import crossing, find_flutter, growing_frequency, speeding_blade
-from flapgym.aeroelastic.record import MARGIN, Flutter
+from flapgym.model.record import MARGIN, Flutter
 from flapgym.reduction import balanced_reduction
 from flapgym.turbine import load_case
 from tests.aerodynamics.wings import straight_wing, theodorsen

@@ -9,7 +9,7 @@ from flapgym.aeroelastic.equations import root_moment
 from flapgym.reduction import normal_modes
 from flapgym.structure import linear_blade
 from flapgym.turbine import load_case
-from flapgym.turbulence import von_karman_spectrum
+from flapgym.wind import von_karman_spectrum
 
 CASE = load_case("nrel5mw-rated")
 FREQUENCY = np.geomspace(0.02, 3.0, 40)

@@ -15,8 +15,8 @@ from flapgym.aeroelastic.equations import (
     periodic_equations,
     turbine_equations,
 )
-from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.periodic import periodic_model, step_matrices
+from flapgym.model.multiblade import to_blades, to_components
 from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import assemble, linear_blade, linear_support
 from flapgym.turbine import load_case

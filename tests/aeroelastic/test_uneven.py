@@ -7,20 +7,20 @@ import pytest
 import scipy.io
 import scipy.linalg
 
-from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.blade_lattice import reduce_stacked
 from flapgym.aeroelastic.build import assemble_parts, azimuth_steps, build_model, slow_wake
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
-from flapgym.aeroelastic.export import save_mat
-from flapgym.aeroelastic.floquet import floquet_multipliers
-from flapgym.aeroelastic.harmonics import fourier_series, simulate_periodic, system_at
-from flapgym.aeroelastic.multiblade import to_blades, to_components
 from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.aeroelastic.uneven import assemble_uneven, multiblade_equations, uneven_equations
-from flapgym.state_space import series
+from flapgym.core.state_space import series
+from flapgym.model import load_model, save_model
+from flapgym.model.export import save_mat
+from flapgym.model.harmonics import fourier_series, simulate_periodic, system_at
+from flapgym.model.multiblade import to_blades, to_components
 from flapgym.structure import assemble
 from flapgym.turbine import load_case
+from reference.floquet import floquet_multipliers
 
 CASE = load_case("nrel5mw-rated")
 DT = 0.02

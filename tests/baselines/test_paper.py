@@ -17,14 +17,14 @@ from baselines.paper.robustness import CONDITIONS, MARGINS, margins, sensitivity
 from baselines.paper.scores import score
 from baselines.paper.structure_sections import table_2
 from baselines.paper.turbine_sections import _lag
-from flapgym.aeroelastic import load_model, save_model
-from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.control import Weights, closed_loop, lqg_agent, stationary_rms
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.control.margins import late_measurement
+from flapgym.core.state_space import StateSpace
 from flapgym.evaluation import Estimate, Metrics
-from flapgym.state_space import StateSpace
+from flapgym.model import load_model, save_model
 from flapgym.turbine import load_case
+from reference.study import STUDY_OUTPUTS
 from tests.scaled import small_case
 from tests.synthetic import synthetic_model
 

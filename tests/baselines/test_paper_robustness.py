@@ -11,11 +11,11 @@ from baselines.paper.effects import Effects, effects_section, further_loads, res
 from baselines.paper.models import VARIATIONS, unscaled_flap
 from baselines.paper.scores import Trial
 from baselines.paper.trials import Condition, Outcome, outcome, trials_section
-from flapgym.aeroelastic.study import STUDY_OUTPUTS
 from flapgym.control import Weights, lqg_agent
 from flapgym.control.growth import Growth
 from flapgym.evaluation import Estimate, root_mean_square, simulate
 from flapgym.turbine import load_case
+from reference.study import STUDY_OUTPUTS
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()

@@ -14,7 +14,6 @@ from baselines.rivals import study as study_module
 from baselines.rivals.bound import best_flap, flap_response
 from baselines.rivals.contestants import PlannedFlap, tilt_and_yaw_alone
 from baselines.rivals.equal_load import EqualLoad, _stationary, at_equal_load
-from flapgym.aeroelastic import load_model
 from flapgym.control import (
     OpenLoop,
     PIDGains,
@@ -26,6 +25,7 @@ from flapgym.control import (
     stationary_rms,
 )
 from flapgym.evaluation import Record, simulate
+from flapgym.model import load_model
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()

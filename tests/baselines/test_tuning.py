@@ -18,9 +18,9 @@ from baselines.tuning import (
     tune_pid,
     tune_saturating,
 )
-from flapgym.aeroelastic import save_model
 from flapgym.control import Weights, load_agent, lqg_agent, made_for
 from flapgym.control.margins import disk_margin
+from flapgym.model import save_model
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()

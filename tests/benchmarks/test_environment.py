@@ -10,7 +10,7 @@ from benchmarks.environment import kernels, limits, peers, report, timing
 from benchmarks.environment.__main__ import main
 from benchmarks.environment.peers import FLAPGYM, PENDULUM, Subject
 from benchmarks.page import fill
-from flapgym.aeroelastic import load_model
+from flapgym.model import load_model
 from tests.synthetic import synthetic_model
 
 

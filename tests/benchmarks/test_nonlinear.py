@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks.nonlinear import LinearMarch, Loop, measures, table, wind_of
-from flapgym.aeroelastic import load_model
-from flapgym.aeroelastic.multiblade import to_blades
 from flapgym.control import OpenLoop, load_agent
-from flapgym.plant.reference import run
+from flapgym.model import load_model
+from flapgym.model.multiblade import to_blades
+from reference.plant import run
 
 
 @pytest.fixture(scope="module")

@@ -14,12 +14,12 @@ from benchmarks.turbine.campbell import modes_at
 from benchmarks.turbine.speed import Subject, assembled, seconds_per_step
 from benchmarks.turbine.study import Study, with_modes, with_tower
 from benchmarks.turbine.tips import TIPS, exact_rms, simulate_tips
-from flapgym.aeroelastic import load_model
 from flapgym.aeroelastic.build import build_model
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import periodic_model
+from flapgym.model import load_model
 from flapgym.turbine import load_case
-from flapgym.turbulence import von_karman_spectrum
+from flapgym.wind import von_karman_spectrum
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from benchmarks.validation.reference import Series, read_figures, read_series
 from benchmarks.validation.report import outcome
 from benchmarks.validation.rows import AtLeast, Between, Near, Row, Unit, Within
 from benchmarks.validation.steady import nose_up
-from flapgym.aeroelastic import load_model, save_model
 from flapgym.aeroelastic.build import build_model
+from flapgym.model import load_model, save_model
 from flapgym.structure.rotation import about_y, about_z
 from flapgym.turbine import load_case
 from tests.scaled import small_case

@@ -13,8 +13,8 @@ from benchmarks.validation.axis import axis_cases, axis_table, control_rows, ser
 from benchmarks.validation.axis import main as axis_main
 from benchmarks.validation.steady import Means
 from benchmarks.validation.terms import Effect, added, cells, effect, left_out, terms_table
-from flapgym.aeroelastic import load_model
 from flapgym.evaluation import Estimate
+from flapgym.model import load_model
 from flapgym.turbine import load_case
 
 PAPER, CORRECTED = (load_case(name) for name in ("nrel5mw-rated", "nrel5mw-corrected"))

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from flapgym import cli
-from flapgym.aeroelastic import save_model
-from flapgym.aeroelastic.model import load_model
 from flapgym.control import (
     AGENT_NAMES,
     PDGains,
@@ -24,6 +22,8 @@ from flapgym.control import (
 from flapgym.control.agent_checks import BLADE_QUANTITIES
 from flapgym.envs.observation import QUANTITIES
 from flapgym.evaluation import compare
+from flapgym.model import save_model
+from flapgym.model.turbine_model import load_model
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -90,7 +90,7 @@ def test_a_full_disk_leaves_the_agent_that_was_there(saved, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("flapgym.atomic.os.fsync", full)
+    monkeypatch.setattr("flapgym.core.atomic.os.fsync", full)
     with pytest.raises(OSError, match="No space left"):
         save_agent(saved / "lqg.json", replace(LQG, name="other"), MODEL, "", {})
     assert load_agent(saved / "lqg.json", MODEL).name == "mine"

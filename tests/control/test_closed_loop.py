@@ -5,8 +5,8 @@ import pytest
 
 from flapgym.control import Weights, closed_loop, design_model, stability, stationary_rms, synthesise
 from flapgym.control.closed_loop import with_effectiveness
-from flapgym.state_space import StateSpace, series
-from flapgym.turbulence import realise, von_karman_filter
+from flapgym.core.state_space import StateSpace, series
+from flapgym.wind import realise, von_karman_filter
 from tests.synthetic import synthetic_model
 
 

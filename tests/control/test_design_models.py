@@ -23,9 +23,9 @@ from flapgym.control import (
 from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.closed_loop import _in_frame
 from flapgym.control.lqg import predictor_gain, regulator_gain, with_actuator
+from flapgym.core.state_space import StateSpace
 from flapgym.evaluation import root_mean_square, simulate
-from flapgym.state_space import StateSpace
-from flapgym.turbulence import von_karman_filter
+from flapgym.wind import von_karman_filter
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()

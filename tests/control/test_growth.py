@@ -9,7 +9,7 @@ from flapgym.control import OpenLoop, RotorController, Weights, design_model, lq
 from flapgym.control.channels import ROTOR
 from flapgym.control.closed_loop import _in_frame, closed_loop, with_effectiveness
 from flapgym.control.growth import Growth, agent_growth, growth
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()

@@ -16,7 +16,7 @@ from flapgym.control.lqg import (
     synthesise,
     with_actuator,
 )
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
 from tests.synthetic import synthetic_model
 
 WEIGHTS = Weights(rbm=5.0)

@@ -17,7 +17,7 @@ from flapgym.control.margins import (
     late_measurement,
     sensitivity_difference,
 )
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
 from tests.loops import NARROW, radius_at_worst, searched_peak, with_narrow_mode
 from tests.synthetic import synthetic_model
 

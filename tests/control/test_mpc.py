@@ -11,7 +11,7 @@ from flapgym.control.horizon import condense, innovations
 from flapgym.control.lqg import regulator_gain, with_actuator
 from flapgym.evaluation import measure, simulate
 from flapgym.evaluation.simulate import coming_wind
-from flapgym.turbulence import von_karman_filter
+from flapgym.wind import von_karman_filter
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
 from flapgym.control.peak_gain import TOLERANCE, peak_gain
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
 from tests.loops import gain_at, searched_peak
 
 STEP = 0.01

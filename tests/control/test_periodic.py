@@ -10,7 +10,7 @@ from flapgym.control.channels import ROTOR
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.control.margins import disk_margin
 from flapgym.control.periodic import TOLERANCE, periodic_disk_margin
-from flapgym.state_space import StateSpace
+from flapgym.core.state_space import StateSpace
 from tests.loops import NARROW, with_narrow_mode
 from tests.synthetic import synthetic_model
 

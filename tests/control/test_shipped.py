@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic import DEFAULT_MODEL, load_model
 from flapgym.control import (
     AGENT_NAMES,
     AGENT_SETS,
@@ -21,6 +20,7 @@ from flapgym.control import (
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.control.margins import disk_margin
 from flapgym.evaluation import compare, measure, simulate
+from flapgym.model import DEFAULT_MODEL, load_model
 from tests.loops import radius_at_worst
 
 TUNED = ("pd", "pid", "individual_flap", "lqg", "lqg_saturating")

@@ -23,12 +23,12 @@ from flapgym.control import (
 from flapgym.control.channels import ROTOR
 from flapgym.control.margins import delay_margin, disk_margin
 from flapgym.control.periodic import periodic_disk_margin
+from flapgym.core.state_space import StateSpace, series
 from flapgym.envs.registration import TURBINE_ID
-from flapgym.envs.wrappers import Residual
 from flapgym.evaluation import compare, simulate
 from flapgym.reduction import balance, relative_error
-from flapgym.state_space import StateSpace, series
-from flapgym.turbulence import von_karman_filter
+from flapgym.wind import von_karman_filter
+from flapgym.wrappers.single import Residual
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flapgym.aeroelastic.model import save_model
+from flapgym.model.turbine_model import save_model
 from tests.synthetic import synthetic_model
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import flapgym.envs.page as page
+import benchmarks.manual as page
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -16,7 +16,7 @@ def test_the_committed_pages_are_up_to_date():
     } == set(made)
     for name, text in made.items():
         assert (DOCS / name).read_text(encoding="utf-8") == text, (
-            f"{name}: run python -m flapgym.envs.page docs"
+            f"{name}: run python -m benchmarks.manual docs"
         )
 
 

@@ -11,8 +11,8 @@ from gymnasium.wrappers import TimeAwareObservation
 from flapgym.control import PDGains, pd_agent, save_agent
 from flapgym.envs import FlapEnv, FlapVectorEnv
 from flapgym.envs.registration import ENVIRONMENTS, TURBINE_ID
-from flapgym.envs.wrappers import Residual
 from flapgym.evaluation import compare, simulate
+from flapgym.wrappers.single import Residual
 from tests.synthetic import synthetic_model
 
 ID = TURBINE_ID

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 
-from flapgym.aeroelastic import load_model
+from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.envs import FlapEnv, FlapVectorEnv
 from flapgym.envs.blade import BladeEnv, BladeVectorEnv
-from flapgym.envs.sb3 import FlapVecEnv
 from flapgym.envs.settings import Settings
-from flapgym.turbulence import gust_of
-from flapgym.turbulence.gusts import GUSTS
+from flapgym.model import load_model
+from flapgym.wind import gust_of
+from flapgym.wind.gusts import GUSTS
 from tests.synthetic import synthetic_blade, synthetic_model
 
 STEP = 0.007

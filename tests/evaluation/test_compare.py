@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic.model import load_model, save_model
 from flapgym.control import OpenLoop, PDGains, Policy, Weights, lqg_agent, pd_agent, save_agent
 from flapgym.control.closed_loop import closed_loop, with_effectiveness
 from flapgym.evaluation import SCORED_SEED, as_markdown, as_text, compare, measure, plan, simulate
 from flapgym.evaluation.figure import draw_figure
 from flapgym.evaluation.report import as_csv, write_report
+from flapgym.model.turbine_model import load_model, save_model
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -212,7 +212,7 @@ def test_the_four_files_appear_together_or_not_at_all(results, tmp_path, monkeyp
             raise OSError(28, "No space left on device")
         replace(source, target)
 
-    monkeypatch.setattr("flapgym.atomic.os.replace", full)
+    monkeypatch.setattr("flapgym.core.atomic.os.replace", full)
     with pytest.raises(OSError, match="No space left"):
         write_report(results[0], tmp_path)
     assert {name: (tmp_path / name).read_text() for name in sorted(os.listdir(tmp_path))} == dict.fromkeys(

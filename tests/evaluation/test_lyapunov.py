@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic import load_model
 from flapgym.control import OpenLoop, Weights, lqg_agent, stationary_rms
 from flapgym.evaluation import root_mean_square, simulate
+from flapgym.model import load_model
 from tests.synthetic import synthetic_model
 
 SETTLED = 3000

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import flapgym.plant.responses as responses
-from flapgym.aeroelastic import load_model
-from flapgym.aeroelastic.multiblade import to_components
+from flapgym.model import load_model
+from flapgym.model.multiblade import to_components
 from flapgym.plant.disturbance import wind_modes, wind_response
 from flapgym.plant.interface import GivenWind
-from flapgym.plant.reference import run
-from flapgym.turbulence import gust_of
+from flapgym.wind import gust_of
+from reference.plant import run
 from tests.plant.plants import KERNELS, plant_of, rest
 from tests.synthetic import synthetic_model
 

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic import load_model
+from flapgym.model import load_model
 from flapgym.plant import Setup, make_plant
 from flapgym.plant.layout import RBM, TOWER
 from flapgym.turbine import load_case

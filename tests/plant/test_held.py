@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flapgym.aeroelastic.multiblade import to_components
+from flapgym.model.multiblade import to_components
 from flapgym.plant.frame import OutputRows, turned
 from flapgym.plant.held import held
 from flapgym.plant.modal import modal_form

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flapgym.core.state_space import StateSpace
 from flapgym.plant.disturbance import stationary_covariance
 from flapgym.plant.modal import modal_form
-from flapgym.state_space import StateSpace
 from tests.synthetic import synthetic_turbine
 
 

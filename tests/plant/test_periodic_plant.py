@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic.harmonics import PeriodicPart, simulate_periodic
-from flapgym.aeroelastic.multiblade import to_blades, to_components
+from flapgym.model.harmonics import PeriodicPart, simulate_periodic
+from flapgym.model.multiblade import to_blades, to_components
 from flapgym.plant.actuator import Faults
 from flapgym.plant.interface import GivenWind, Setup, Start, Task
 from flapgym.plant.layout import (

@@ -9,7 +9,7 @@ import pytest
 
 from flapgym.plant import Faults, GivenWind, compiled, layout
 from flapgym.plant.disturbance import disturbance_modes, disturbance_system
-from flapgym.plant.reference import run
+from reference.plant import run
 from tests.plant.plants import KERNELS, LENGTH_SCALE, fly, plant_of, rest, series, start_of
 from tests.synthetic import synthetic_blade, synthetic_model
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic.model import load_model
+from flapgym.model.turbine_model import load_model
 from flapgym.plant.disturbance import disturbance_system
 from flapgym.plant.modal import modal_form
-from flapgym.plant.reference import run
+from reference.plant import run
 from tests.plant.plants import KERNELS, fly, plant_of, rest, series
 
 

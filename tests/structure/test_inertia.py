@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flapgym.structure.beam import Beam, Configuration, tangent
-from flapgym.structure.body_motion import Body, FrameMotion, dynamic_forces
 from flapgym.structure.inertia import distribution, linearise_inertia, steady_force
 from flapgym.structure.rotation import hat, rotation_matrix
+from reference.body_motion import Body, FrameMotion, dynamic_forces
 from tests.structure.beams import random_beam
 
 SPIN = np.array([0.7, 0.0, 0.0])

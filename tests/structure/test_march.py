@@ -6,14 +6,14 @@ import scipy.integrate
 import scipy.linalg
 
 from flapgym.structure import assemble, linear_blade, linear_support
-from flapgym.structure.attitude import base_path, quaternion_matrix
-from flapgym.structure.body_motion import Body, FrameMotion
-from flapgym.structure.driven_beam import DrivenBeam
-from flapgym.structure.march import MarchError, march, start
-from flapgym.structure.multibody import MovingTurbine, support_body
 from flapgym.structure.rotating import component_weights, multi_blade_matrices
 from flapgym.structure.rotation import about_x, hat
 from flapgym.turbine import load_turbine
+from reference.attitude import base_path, quaternion_matrix
+from reference.body_motion import Body, FrameMotion
+from reference.driven_beam import DrivenBeam
+from reference.march import MarchError, march, start
+from reference.multibody import MovingTurbine, support_body
 from tests.structure.beams import random_beam, uniform_beam
 
 OMEGA = 77.0 / 63.0
@@ -109,7 +109,7 @@ def test_support_chain_has_the_linear_supports_modes(turbine) -> None:
     # The chain's stiff link stands for the linear model's rigid one; the hub's mass is the rotor frame's.
     from flapgym.structure.beam import tangent
     from flapgym.structure.inertia import linearise_inertia
-    from flapgym.structure.multibody import hub_mass
+    from reference.multibody import hub_mass
 
     body, support = support_body(turbine), linear_support(turbine)
     mass = linearise_inertia(body.distribution, body.beam.reference, np.zeros(3)).mass[6:, 6:]

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flapgym.aeroelastic.model import save_model
 from flapgym.control import load_agent
 from flapgym.control.agent_files import save_agent
+from flapgym.model.turbine_model import save_model
 from tests.synthetic import synthetic_model
 from train.learning import Progress, environment, learn, learner
 from train.policies import main

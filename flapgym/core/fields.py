@@ -1,0 +1,391 @@
+"""What a field of a data class may hold, and the strict reading of a parsed TOML table into such a class.
+
+A field is declared once, `radius: Annotated[float, Quantity("length", above=0.0)]`; from that follow the unit accepted
+in files, the range, and the message that names the field, the value and what to write instead. The classes check
+themselves on construction, so `dataclasses.replace` cannot slip in what a file may not say.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import typing
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flapgym.core.units import article, parse_quantity, show, unit_size
+from flapgym.core.wording import one_line, shown
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+LONGEST_TEXT = 1000
+"""Characters of a text in a file, which may be the path of another."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Bounded:
+    above: float = -np.inf
+    at_least: float = -np.inf
+    below: float = np.inf
+    at_most: float = np.inf
+
+    def holds(self, value: Array) -> NDArray[np.bool_]:
+        """Whether each value lies in the range; false for NaN."""
+        inside = (
+            (value > self.above) & (value >= self.at_least) & (value < self.below) & (value <= self.at_most)
+        )
+        return inside & np.isfinite(value)
+
+    def describe(self, dimension: str) -> str:
+        """Return the range in words: "0 deg < angle <= 30 deg"."""
+        left = [
+            f"{show(b, dimension)} {s} " for b, s in ((self.above, "<"), (self.at_least, "<=")) if b > -np.inf
+        ]
+        right = [
+            f" {s} {show(b, dimension)}" for b, s in ((self.below, "<"), (self.at_most, "<=")) if b < np.inf
+        ]
+        plain = "" if left or right else "a finite "
+        return plain + "".join(left) + dimension + "".join(right)
+
+
+@dataclass(frozen=True)
+class Quantity(_Bounded):
+    """One number of a dimension of `units.UNITS`, or one of a few words in its place."""
+
+    dimension: str
+    words: tuple[str, ...] = ()
+
+    def parse(self, value: object, name: str) -> float | str:
+        """Read a TOML value, in SI."""
+        if isinstance(value, str) and value in self.words:
+            return value
+        try:
+            return parse_quantity(value, self.dimension, name)
+        except ValueError as error:
+            if not self.words:
+                raise
+            raise ValueError(f"{error}; or write {' or '.join(map(repr, self.words))}") from None
+
+    def check(self, value: object, name: str) -> float | str:
+        """Refuse a value out of range."""
+        if isinstance(value, str) and value in self.words:
+            return value
+        if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+            raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {shown(value)}")
+        number = as_float(value)
+        if not self.holds(np.asarray(number)):
+            given = show(number, self.dimension)
+            raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given}")
+        return number
+
+
+@dataclass(frozen=True)
+class PerBlade(_Bounded):
+    """One number of a dimension of `units.UNITS` for each of the three blades."""
+
+    dimension: str
+
+    def parse(self, value: object, name: str) -> tuple[object, ...]:
+        """Read a TOML array, in SI."""
+        each = self._three(value, name)
+        return tuple(parse_quantity(item, self.dimension, f"{name}[{b}]") for b, item in enumerate(each))
+
+    def check(self, value: object, name: str) -> tuple[float, float, float]:
+        """Refuse what is not three values in range."""
+        one = Quantity(
+            self.dimension, above=self.above, at_least=self.at_least, below=self.below, at_most=self.at_most
+        )
+        each = [one.check(item, f"{name}[{b}]") for b, item in enumerate(self._three(value, name))]
+        return typing.cast(tuple[float, float, float], tuple(each))
+
+    def _three(self, value: object, name: str) -> tuple[object, ...]:
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            raise ValueError(f"{name}: expected three values, one a blade, got {shown(value)}")
+        return tuple(value)
+
+
+@dataclass(frozen=True)
+class Count(_Bounded):
+    """A whole number."""
+
+    def parse(self, value: object, name: str) -> int:
+        """Read a TOML value."""
+        return self.check(value, name)
+
+    def check(self, value: object, name: str) -> int:
+        """Refuse what is not a whole number in range."""
+        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+        if not whole or not self.holds(np.asarray(as_float(value))):
+            range_ = self.describe("number").replace("a finite ", "")
+            raise ValueError(f"{name}: expected a whole number, {range_}, got {shown(value)}")
+        return int(typing.cast(int, value))
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text of one line that is not empty."""
+
+    def parse(self, value: object, name: str) -> str:
+        """Read a TOML value."""
+        return self.check(value, name)
+
+    def check(self, value: object, name: str) -> str:
+        """Refuse what is not a text."""
+        if not isinstance(value, str) or not value.strip():
+            raise ValueError(f"{name}: expected a text, got {shown(value)}")
+        # Names go to terminals, tables and figures.
+        if not value.isprintable() or len(value) > LONGEST_TEXT:
+            raise ValueError(
+                f"{name}: expected a text of one line and at most {LONGEST_TEXT} characters, got {shown(value)}"
+            )
+        return value
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of a few words."""
+
+    words: tuple[str, ...]
+
+    def parse(self, value: object, name: str) -> str:
+        """Read a TOML value."""
+        return self.check(value, name)
+
+    def check(self, value: object, name: str) -> str:
+        """Refuse what is none of the words."""
+        if not isinstance(value, str) or value not in self.words:
+            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {shown(value)}")
+        return value
+
+
+@dataclass(frozen=True)
+class Column(_Bounded):
+    """A column of numbers over the stations of a table, shape (n,)."""
+
+    dimension: str
+    increasing: bool = False
+
+    def check(self, value: object, name: str) -> Array:
+        """Refuse a column with a value out of range or out of order; return it read-only."""
+        try:
+            column = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"{name}: expected a row of numbers, got {shown(value)}") from None
+        if column.ndim != 1 or column.size < 2:
+            raise ValueError(f"{name}: expected two or more stations in one row, got shape {column.shape}")
+        outside = np.flatnonzero(~self.holds(column))
+        if outside.size:
+            station, given = outside[0] + 1, show(column[outside[0]], self.dimension)
+            raise ValueError(
+                f"{name}: expected {self.describe(self.dimension)}, got {given} at station {station}"
+            )
+        fall = np.flatnonzero(np.diff(column) <= 0.0)
+        if self.increasing and fall.size:
+            before, after = (show(v, self.dimension) for v in column[fall[0] : fall[0] + 2])
+            raise ValueError(
+                f"{name}: expected values that increase along the stations, got {before} then {after} "
+                f"at stations {fall[0] + 1} and {fall[0] + 2}"
+            )
+        column.flags.writeable = False
+        return column
+
+
+@dataclass(frozen=True)
+class Numbers(_Bounded):
+    """One or more finite numbers in an array: none masked, none left out, no text."""
+
+    dimension: str = "number"
+    axes: int | None = None
+
+    def check(self, value: object, name: str) -> Array:
+        """Refuse an array with an entry that is no number of the range; return it as float."""
+        if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+            raise ValueError(f"{name}: expected every number, got a masked array; fill it or leave those out")
+        try:
+            found = np.asarray(value)
+        except ValueError:  # rows of different lengths
+            found = np.empty(0, dtype=object)
+        if found.dtype.kind not in "iuf":
+            raise ValueError(f"{name}: expected real numbers, got {shown(value)}")
+        if not found.size or self.axes not in (None, found.ndim):
+            axes = "" if self.axes is None else f" along {self.axes} {'axis' if self.axes == 1 else 'axes'}"
+            raise ValueError(f"{name}: expected one or more numbers{axes}, got shape {found.shape}")
+        numbers = found.astype(np.float64)
+        outside = ~self.holds(numbers)
+        if outside.any():
+            place, given = np.argwhere(outside)[0].tolist(), show(numbers[outside][0], self.dimension)
+            raise ValueError(f"{name}: expected {self.describe(self.dimension)}, got {given} at {place}")
+        return numbers
+
+
+@dataclass(frozen=True)
+class TextColumn:
+    """A column of texts over the stations of a table."""
+
+    def check(self, value: object, name: str) -> tuple[str, ...]:
+        """Refuse what is not one text per station."""
+        if not isinstance(value, Iterable) or isinstance(value, str):
+            raise ValueError(f"{name}: expected one text per station, got {shown(value)}")
+        return tuple(Text().check(item, name) for item in value)
+
+
+def as_float(value: Any) -> float:
+    """The number in double precision; infinite where it has no room there."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
+
+
+def specification(cls: type) -> dict[str, Any]:
+    """Return what each field of a data class may hold: a specification of this module, or a (nested) type."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return {f.name: getattr(hints[f.name], "__metadata__", (hints[f.name],))[0] for f in fields(cls)}
+
+
+def check_fields(instance: Any, section: str = "") -> None:
+    """Check every declared field of a frozen data class and store it in its canonical type.
+
+    Called from `__post_init__`; `section` is the table's name in a file, for messages.
+    """
+    lengths = {}
+    for key, spec in specification(type(instance)).items():
+        if hasattr(spec, "check"):
+            value = spec.check(getattr(instance, key), _dotted(section, key))
+            object.__setattr__(instance, key, value)
+            if isinstance(spec, Column | TextColumn):
+                lengths[key] = len(value)
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"{section}: expected as many stations in each column, got {lengths}")
+
+
+def read(cls: type[T], table: object, section: str = "") -> T:
+    """Read a parsed TOML table into a data class; refuse a key that is unknown or missing.
+
+    Parameters
+    ----------
+    cls : type
+        A data class whose fields carry specifications, or are such data classes or tuples of them.
+    table : dict
+        As `tomllib` returns it.
+    section : str
+        Dotted name of the table, for messages.
+    """
+    if not isinstance(table, Mapping):
+        raise ValueError(f"{section}: expected a table [{section}], got {shown(table)}")
+    specs = specification(cls)
+    if any(isinstance(spec, Column) for spec in specs.values()):
+        return cls(**_read_columns(specs, table, section))
+    check_keys(table, specs, section)
+    return cls(**{key: _read_value(spec, table[key], _dotted(section, key)) for key, spec in specs.items()})
+
+
+def _read_value(spec: Any, value: object, name: str) -> Any:
+    if hasattr(spec, "parse"):
+        return spec.check(spec.parse(value, name), name)
+    if is_dataclass(spec):
+        cls = typing.cast(type, spec)
+        return value if isinstance(value, cls) else read(cls, value, name)
+    if not isinstance(value, list) or not value:
+        raise ValueError(f"{name}: expected one or more tables [[{name}]], got {shown(value)}")
+    (item, _) = typing.get_args(spec)
+    return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+
+
+def to_plain(value: Any) -> Any:
+    """A data class as nested dictionaries, lists and SI numbers, which JSON can hold and `from_plain` reads."""
+    if is_dataclass(value):
+        return {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.ndarray | tuple):
+        return [to_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    return value
+
+
+def from_plain(cls: type[T], values: Mapping[str, Any], section: str = "") -> T:
+    """Make a data class of the nested dictionaries, lists and SI numbers that its fields were written as.
+
+    Raises
+    ------
+    ValueError
+        If a key is unknown or missing, or a value out of range; the message names it.
+    """
+    specs = specification(cls)
+    check_keys(values, specs, section)
+    return cls(**{key: _plain_value(spec, values[key], _dotted(section, key)) for key, spec in specs.items()})
+
+
+def _plain_value(spec: Any, value: Any, name: str) -> Any:
+    if hasattr(spec, "check"):
+        return value  # the class checks it
+    if is_dataclass(spec):
+        return from_plain(typing.cast(type, spec), value, name)
+    (item, _) = typing.get_args(spec)
+    return tuple(from_plain(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+
+
+def check_keys(table: Mapping[str, object], known: Iterable[str], section: str) -> None:
+    """Refuse unknown and missing keys; the message names the nearest known key."""
+    known = list(known)
+    for key in table:
+        if key not in known:
+            raise ValueError(f"{one_line(_dotted(section, key), 100)}: unknown key; {_suggest(key, known)}")
+    for key in known:
+        if key not in table:
+            raise ValueError(f"{_dotted(section, key)}: missing; give it a value")
+
+
+def _suggest(key: str, known: Iterable[str]) -> str:
+    near = difflib.get_close_matches(key, list(known), n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
+
+
+def _dotted(section: str, key: str) -> str:
+    return f"{section}.{key}" if section else key
+
+
+_HEADER = re.compile(r"\s*(\w+)\s*(?:\[(.*)\])?\s*")
+
+
+def _read_columns(specs: dict[str, Any], table: Mapping[str, Any], section: str) -> dict[str, Any]:
+    """Read `stations = n`, `columns = ["radius [m]", ...]`, `rows = [[...], ...]` into columns in SI."""
+    check_keys(table, ("stations", "columns", "rows"), section)
+    count = Count(at_least=2).check(table["stations"], f"{section}.stations")
+    headers, rows = table["columns"], table["rows"]
+    if not isinstance(headers, list) or not all(isinstance(header, str) for header in headers):
+        raise ValueError(f'{section}.columns: expected texts such as "radius [m]", got {shown(headers)}')
+    matches = [_HEADER.fullmatch(header) for header in headers]
+    units = {match[1]: match[2] or "" for match in matches if match}
+    if len(units) < len(headers):
+        raise ValueError(
+            f'{section}.columns: expected each column once, as "radius [m]", got {shown(headers)}'
+        )
+    check_keys(units, specs, section)
+    if not isinstance(rows, list) or len(rows) != count:
+        given = len(rows) if isinstance(rows, list) else shown(rows)
+        raise ValueError(
+            f"{section}.rows: expected the {count} stations declared by {section}.stations, got {given}"
+        )
+    for station, row in enumerate(rows, 1):
+        if not isinstance(row, list) or len(row) != len(units):
+            raise ValueError(
+                f"{section}.rows: expected {len(units)} values at station {station}, got {shown(row)}"
+            )
+    columns = dict(zip(units, zip(*rows, strict=True), strict=True))
+    return {
+        key: _read_column(spec, columns[key], units[key], f"{section}.{key}") for key, spec in specs.items()
+    }
+
+
+def _read_column(spec: Any, values: tuple[object, ...], unit: str, name: str) -> Any:
+    if isinstance(spec, TextColumn):
+        return spec.check(values, name)
+    size = unit_size(spec.dimension, unit, name)
+    for station, value in enumerate(values, 1):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{name}: expected a number, got {shown(value)} at station {station}")
+    return spec.check(np.array([as_float(value) for value in values]) * size, name)

@@ -1,0 +1,61 @@
+"""Multi-blade (Coleman) coordinates: the exact time-invariant form of three equal blades on a tower.
+
+A blade signal is written u_b = u_0 + u_c cos(theta_b) + u_s sin(theta_b), theta_b = theta + 2 pi b / 3.
+With three equal blades the azimuth drops out of the coupled equations, so the A(theta) of the paper's
+eq. 14 becomes one constant matrix. Frozen-azimuth eigenvalues are not physical modes; those of the
+transformed system are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flapgym.core.state_space import Array
+
+BLADES = 3
+# Sum over the blades of cos^2 and sin^2 is 3/2, of one is 3: the virtual work of the components.
+WORK_WEIGHTS = np.array([3.0, 1.5, 1.5])
+
+# v in the frame of the blade at theta is (P_0 + P_c cos theta + P_s sin theta) v in the hub's
+# non-rotating frame: the rotation about x by -theta.
+_AXIAL = np.diag([1.0, 0.0, 0.0])
+_COSINE = np.diag([0.0, 1.0, 1.0])
+_SINE = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def hub_components() -> Array:
+    """Components (3, 6, 6) of the map from hub motion (u, phi) in the fixed frame to a blade's frame."""
+    return np.stack([np.kron(np.eye(2), part) for part in (_AXIAL, _COSINE, _SINE)])
+
+
+def derivative_coupling(rotor_speed: float) -> Array:
+    """J (3, 3) with d/dt (u_0, u_c, u_s) of the blade signal = (u_0, u_c, u_s)' + J (u_0, u_c, u_s)."""
+    return rotor_speed * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def blade_azimuths(azimuth: Array | float) -> Array:
+    """Azimuths (..., 3) [rad] of the three blades for rotor azimuth (...)."""
+    return np.asarray(azimuth)[..., None] + 2.0 * np.pi / BLADES * np.arange(BLADES)
+
+
+def on_rotor() -> Array:
+    """Matrix (3, 3) from components (0, c, s) that turn with the rotor, its azimuth counted as zero, to blades."""
+    angle = blade_azimuths(0.0)
+    return np.stack([np.ones(BLADES), np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def to_blades(components: Array, azimuth: Array | float) -> Array:
+    """Blade signals (..., 3) from components (..., 3) at rotor azimuth (...) [rad]."""
+    angle = blade_azimuths(azimuth)
+    return np.asarray(
+        components[..., :1] + components[..., 1:2] * np.cos(angle) + components[..., 2:] * np.sin(angle)
+    )
+
+
+def to_components(blades: Array, azimuth: Array | float) -> Array:
+    """Components (..., 3) from blade signals (..., 3) at rotor azimuth (...) [rad]."""
+    angle = blade_azimuths(azimuth)
+    mean = blades.mean(axis=-1)
+    cosine = 2.0 / BLADES * (blades * np.cos(angle)).sum(axis=-1)
+    sine = 2.0 / BLADES * (blades * np.sin(angle)).sum(axis=-1)
+    return np.stack([mean, cosine, sine], axis=-1)

@@ -1,0 +1,103 @@
+"""What a model's case tells of the machine behind its matrices: which turbine, how large, with which flap and airloads.
+
+A model may hold a case of an older flapgym, or of none: each part is read by itself, and what is not there is None.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+from flapgym.core.fields import Text, from_plain
+from flapgym.turbine import Airloads, BladeSections, Discretisation, Flap, Rotor, TowerSections
+
+T = TypeVar("T")
+
+UNTOLD = "not told by the model's case"
+
+
+@dataclass(frozen=True)
+class Nameplate:
+    """The machine a model was built of.
+
+    Attributes
+    ----------
+    turbine : str or None
+        Its name.
+    rotor_radius, hub_height : float or None
+        [m]
+    flap_span : tuple of two floats or None
+        Ends of the flaps along the blade's axis, from the apex, over the rotor radius.
+    airloads : Airloads or None
+        How the loads were read.
+    """
+
+    turbine: str | None = None
+    rotor_radius: float | None = None
+    hub_height: float | None = None
+    flap_span: tuple[float, float] | None = None
+    airloads: Airloads | None = None
+
+    @property
+    def size(self) -> str:
+        """Turbine, rotor radius and, where it is told, hub height in a line."""
+        if self.turbine is None or self.rotor_radius is None:
+            return UNTOLD
+        height = "" if self.hub_height is None else f", hub height {self.hub_height:.4g} m"
+        return f"{self.turbine}, rotor radius {self.rotor_radius:.4g} m{height}"
+
+    @property
+    def loads(self) -> str:
+        """The reading of the airloads in a line, in the case's own words."""
+        if self.airloads is None:
+            return UNTOLD
+        told = ((f.name.replace("_", " "), getattr(self.airloads, f.name)) for f in fields(self.airloads))
+        return ", ".join(
+            f"{name} {value if isinstance(value, str) else f'{value:g}'}" for name, value in told
+        )
+
+
+def nameplate(case: Mapping[str, Any]) -> Nameplate:
+    """Read the case that a model holds (`TurbineModel.case`)."""
+    turbine = case.get("turbine")
+    machine = turbine if isinstance(turbine, Mapping) else {}
+    rotor, tower = _part(Rotor, machine, "rotor"), _part(TowerSections, machine, "tower")
+    return Nameplate(
+        turbine=_name(machine),
+        rotor_radius=None if rotor is None else rotor.radius,
+        hub_height=None if rotor is None or tower is None else rotor.height_on(float(tower.height[-1])),
+        flap_span=_flap_span(case, machine, rotor),
+        airloads=_part(Airloads, case, "airloads"),
+    )
+
+
+def _part(kind: type[T], content: Mapping[str, Any], key: str) -> T | None:
+    """A section of a case, or None where it is missing or not as this flapgym knows it."""
+    try:
+        return from_plain(kind, content[key], key)
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def _name(machine: Mapping[str, Any]) -> str | None:
+    try:
+        return Text().check(machine.get("name"), "turbine.name")
+    except ValueError:
+        return None
+
+
+def _flap_span(
+    case: Mapping[str, Any], machine: Mapping[str, Any], rotor: Rotor | None
+) -> tuple[float, float] | None:
+    flap, grid = _part(Flap, case, "flap"), _part(Discretisation, case, "discretisation")
+    if rotor is None or flap is None or grid is None:
+        return None
+    nodes = "blade_sections_12" if grid.blade_elements == 12 else "blade_sections_documented"
+    sections = _part(BladeSections, machine, nodes)
+    if sections is None or len(sections.radius) != grid.blade_elements + 1:
+        return None
+    # The flap's ends are fractions of the lattice's span, which begins outside the blade's root.
+    first, last = sections.radius[[grid.first_lattice_node, -1]]
+    inner, outer = (float(first + share * (last - first)) for share in (flap.span_start, flap.span_end))
+    return inner / rotor.radius, outer / rotor.radius

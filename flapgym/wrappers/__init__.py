@@ -1,0 +1,1 @@
+"""Wrappers of the environments: target angles, a residual on an agent; for one environment and for many."""

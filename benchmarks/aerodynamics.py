@@ -31,12 +31,11 @@ from flapgym.aerodynamics.downwash import flap_downwash
 from flapgym.aerodynamics.lattice import build_lattice
 from flapgym.aerodynamics.model import assemble
 from flapgym.aerodynamics.rotor import blade_edges, rotor_inflow, strip_radius, wake_rows
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_picture
 from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
 from flapgym.turbine import Case, load_case
-
-Array = NDArray[np.float64]
 
 FREQUENCIES = np.array([0.0, 0.2, 1.0, 3.0, 5.0])
 DEGREE = np.pi / 180.0

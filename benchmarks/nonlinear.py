@@ -23,9 +23,9 @@ from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.agent import OBSERVATION_SCALES
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
 from flapgym.core.program import Parser, Work, real, run, whole
-from flapgym.core.state_space import Array
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.compare import LONGEST
 from flapgym.evaluation.metrics import damage_equivalent_load, root_mean_square

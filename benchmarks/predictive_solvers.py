@@ -20,8 +20,8 @@ import scipy.sparse as sp
 
 from baselines.shipped import shipped_weights
 from flapgym.control import PredictiveController
+from flapgym.core.arrays import Array
 from flapgym.core.program import Parser, Work, run
-from flapgym.core.state_space import Array
 from flapgym.evaluation import simulate
 from flapgym.model.turbine_model import load_model
 

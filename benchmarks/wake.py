@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.aerodynamics import table, variant
 from flapgym.aerodynamics import (
@@ -33,11 +32,10 @@ from flapgym.aerodynamics.lattice import SHED_AGE, rotation_about_x, wake_nodes
 from flapgym.aerodynamics.rotor import zero_lift_angles
 from flapgym.aerodynamics.steady import incidence_downwash
 from flapgym.aerodynamics.transport import displaced_wake_downwash, fitted_state, march_case
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_picture
 from flapgym.core.units import DEGREE
 from flapgym.turbine import Airfoil, Case, load_case
-
-Array = NDArray[np.float64]
 
 # Root moment per m/s of wind from 11 to 12 m/s, rigid rotor, by a free vortex wake behind lifting lines with the
 # aerofoils' polars (OpenFAST 5.0.0, OLAF, run for this project): after 0.2 s, at its peak, in the end [MN m].

@@ -6,27 +6,27 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flapgym.structure.rotation import Array
+from flapgym.core.arrays import AnyArray
 from reference.body_motion import FrameMotion
 
 # Points and weights of the two-point Gauss rule on a unit step.
 _GAUSS = 0.5 + np.array([-1.0, 1.0]) * np.sqrt(3.0) / 6.0
 
 
-def quaternion_product(first: Array, second: Array) -> Array:
+def quaternion_product(first: AnyArray, second: AnyArray) -> AnyArray:
     """Quaternion (4,), scalar part first, of the rotation `second` followed by `first`."""
     a, b = first[0], first[1:]
     c, d = second[0], second[1:]
     return np.concatenate([[a * c - b @ d], a * d + c * b + np.cross(b, d)])
 
 
-def quaternion_of(vector: Array) -> Array:
+def quaternion_of(vector: AnyArray) -> AnyArray:
     """Unit quaternion (4,) of a Cartesian rotation vector [rad]."""
     angle = float(np.linalg.norm(vector))
     return np.concatenate([[np.cos(0.5 * angle)], 0.5 * np.sinc(0.5 * angle / np.pi) * vector])
 
 
-def quaternion_matrix(quaternion: Array) -> Array:
+def quaternion_matrix(quaternion: AnyArray) -> AnyArray:
     """Rotation matrix (3, 3), from moving to ground axes, of a unit quaternion."""
     scalar, (x, y, z) = quaternion[0], quaternion[1:]
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -34,8 +34,8 @@ def quaternion_matrix(quaternion: Array) -> Array:
 
 
 def base_path(
-    base: Callable[[float], FrameMotion], time_step: float, steps: int, attitude: Array | None = None
-) -> tuple[Array, Array]:
+    base: Callable[[float], FrameMotion], time_step: float, steps: int, attitude: AnyArray | None = None
+) -> tuple[AnyArray, AnyArray]:
     """Attitude (steps + 1, 4) as unit quaternions and position (steps + 1, 3) [m] of a base in ground axes.
 
     The attitude is of fourth order in the step (Magnus) and keeps its length to round-off; the position is of second.

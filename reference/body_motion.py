@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.beam import Beam, Configuration, internal_force, strain_energy, tangent
 from flapgym.structure.inertia import distribution, linearise_inertia, section_distribution
-from flapgym.structure.rotation import Array, cross
+from flapgym.structure.rotation import cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +28,10 @@ class Body:
     """
 
     beam: Beam
-    distribution: Array
+    distribution: AnyArray
 
     @classmethod
-    def of(cls, beam: Beam, rigid_parts: dict[int, Array] | None = None) -> Body:
+    def of(cls, beam: Beam, rigid_parts: dict[int, AnyArray] | None = None) -> Body:
         """Body of a beam with 6 x 6 masses, in section axes, on some nodes."""
         total = distribution(beam)
         for node, mass in (rigid_parts or {}).items():
@@ -43,11 +44,13 @@ class Body:
 class FrameMotion:
     """Velocity nu = (v, omega) (6,) [m/s, rad/s] of a frame in its own axes, and its rate (6,) of change in them."""
 
-    velocity: Array
-    acceleration: Array
+    velocity: AnyArray
+    acceleration: AnyArray
 
 
-def _points(configuration: Configuration, velocity: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+def _points(
+    configuration: Configuration, velocity: AnyArray, acceleration: AnyArray
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """Positions and directors (n + 1, 4, 3) and their first and second rates in the frame."""
     directors = np.swapaxes(configuration.orientation, -1, -2)
     spin, turning = velocity[:, None, 3:], acceleration[:, None, 3:]
@@ -61,8 +64,8 @@ def _points(configuration: Configuration, velocity: Array, acceleration: Array) 
 
 
 def dynamic_forces(
-    body: Body, configuration: Configuration, velocity: Array, acceleration: Array, frame: FrameMotion
-) -> tuple[Array, Array]:
+    body: Body, configuration: Configuration, velocity: AnyArray, acceleration: AnyArray, frame: FrameMotion
+) -> tuple[AnyArray, AnyArray]:
     """Elastic and inertial nodal forces (n + 1, 6), and the resultant (6,) about the frame's origin of all inertia.
 
     In frame axes. velocity and acceleration (n + 1, 6) are the nodes' rates in the frame, spatial for rotation; the
@@ -79,7 +82,7 @@ def dynamic_forces(
     return nodal, np.concatenate([momentum_rate[:, 0].sum(axis=0), about_origin])
 
 
-def energy(body: Body, configuration: Configuration, velocity: Array, frame: FrameMotion) -> float:
+def energy(body: Body, configuration: Configuration, velocity: AnyArray, frame: FrameMotion) -> float:
     """Kinetic and elastic energy [J] of the body as seen from the ground."""
     points, rates, _ = _points(configuration, velocity, np.zeros_like(velocity))
     rates += cross(frame.velocity[3:], points)
@@ -92,14 +95,14 @@ def energy(body: Body, configuration: Configuration, velocity: Array, frame: Fra
 class DynamicTangent:
     """Iteration matrices of a body: derivatives of its forces for motion of nodes (S) and frame (R), combined."""
 
-    ss: Array  # (N, N)
-    sr: Array  # (N, 6)
-    rs: Array  # (6, N)
-    rr: Array  # (6, 6)
+    ss: AnyArray  # (N, N)
+    sr: AnyArray  # (N, 6)
+    rs: AnyArray  # (6, N)
+    rr: AnyArray  # (6, 6)
 
 
 def dynamic_tangent(
-    body: Body, configuration: Configuration, spin: Array, rate_factor: float, mass_factor: float
+    body: Body, configuration: Configuration, spin: AnyArray, rate_factor: float, mass_factor: float
 ) -> DynamicTangent:
     """mass_factor M + rate_factor C + K about the configuration, as if its nodes were at rest in the frame.
 
@@ -107,7 +110,7 @@ def dynamic_tangent(
     """
     inertia = linearise_inertia(body.distribution, configuration, spin)
 
-    def combine(mass: Array, damping: Array) -> Array:
+    def combine(mass: AnyArray, damping: AnyArray) -> AnyArray:
         return mass_factor * mass + rate_factor * damping
 
     return DynamicTangent(

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flapgym.aeroelastic.equations import Parts
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 
 _WAYS = ("collective", "forward", "backward")
 

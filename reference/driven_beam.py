@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.beam import Configuration
-from flapgym.structure.rotation import Array
 from reference.body_motion import Body, FrameMotion, dynamic_forces, dynamic_tangent, energy
 from reference.march import Motion
 
@@ -33,26 +33,28 @@ class DrivenBeam:
 
     body: Body
     frame: Callable[[float], FrameMotion]
-    load: Callable[[float], Array | float] = _no_load
+    load: Callable[[float], AnyArray | float] = _no_load
 
-    def _nodes(self, free: Array) -> Array:
+    def _nodes(self, free: AnyArray) -> AnyArray:
         return np.concatenate([np.zeros(6), free]).reshape(-1, 6)
 
-    def moved(self, configuration: tuple[Configuration, ...], increment: Array) -> tuple[Configuration, ...]:
+    def moved(
+        self, configuration: tuple[Configuration, ...], increment: AnyArray
+    ) -> tuple[Configuration, ...]:
         """Return the configuration after an increment of the free nodes."""
         return (configuration[0].moved(self._nodes(increment)),)
 
-    def _forces(self, motion: Motion) -> tuple[Array, Array]:
+    def _forces(self, motion: Motion) -> tuple[AnyArray, AnyArray]:
         velocity, acceleration = self._nodes(motion.velocity), self._nodes(motion.acceleration)
         return dynamic_forces(
             self.body, motion.configuration[0], velocity, acceleration, self.frame(motion.time)
         )
 
-    def residual(self, motion: Motion) -> Array:
+    def residual(self, motion: Motion) -> AnyArray:
         """Return the imbalance of forces on the free nodes."""
         return (self._forces(motion)[0] - self.load(motion.time))[1:].ravel()
 
-    def iteration_matrix(self, motion: Motion, rate_factor: float, mass_factor: float) -> Array:
+    def iteration_matrix(self, motion: Motion, rate_factor: float, mass_factor: float) -> AnyArray:
         """Return the derivative of `residual`."""
         spin = self.frame(motion.time).velocity[3:]
         return dynamic_tangent(self.body, motion.configuration[0], spin, rate_factor, mass_factor).ss[6:, 6:]

@@ -8,13 +8,12 @@ Without the states of a moving wake: `build.slow_wake` goes before, where a case
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flapgym.aerodynamics import Aerodynamics
 from flapgym.aeroelastic.blade_lattice import BladeLattice, lattice_response
 from flapgym.aeroelastic.coupling import Equations
-
-ComplexArray = NDArray[np.complex128]
+from flapgym.core.arrays import ComplexArray
 
 
 def harmonic_response(

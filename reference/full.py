@@ -18,8 +18,8 @@ from flapgym.aeroelastic.coupling import (
     reading,
 )
 from flapgym.aeroelastic.equations import Parts, periodic_equations
-from flapgym.core.state_space import Array
-from flapgym.model.multiblade import BLADES, on_rotor
+from flapgym.core.arrays import BLADES, Array
+from flapgym.model.multiblade import on_rotor
 from flapgym.reduction import ReducedSystem
 
 

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.body import LinearBlade
-from flapgym.structure.rotation import Array, about_x, hat
+from flapgym.structure.rotation import about_x, hat
 from flapgym.structure.support import LinearSupport
 
 
@@ -36,11 +37,11 @@ class JointedTurbine:
         Its derivative in time under the prescribed rotation.
     """
 
-    mass: Array
-    damping: Array
-    stiffness: Array
-    constraint: Array
-    constraint_rate: Array
+    mass: AnyArray
+    damping: AnyArray
+    stiffness: AnyArray
+    constraint: AnyArray
+    constraint_rate: AnyArray
 
     @property
     def size(self) -> int:
@@ -78,8 +79,8 @@ def join(blades: Sequence[LinearBlade], support: LinearSupport, azimuth: float =
 
 
 def accelerations(
-    turbine: JointedTurbine, displacement: Array, velocity: Array, load: Array
-) -> tuple[Array, Array]:
+    turbine: JointedTurbine, displacement: AnyArray, velocity: AnyArray, load: AnyArray
+) -> tuple[AnyArray, AnyArray]:
     """Accelerations (n + 6,) of (q_r, q_t, nu) and multipliers (6,) for a motion that meets the constraint.
 
     displacement (n,) holds (q_r, q_t), velocity (n + 6,) their rates and nu, load (n + 6,) the forces on all;
@@ -95,7 +96,7 @@ def accelerations(
     return solution[:-6], -scale * solution[-6:]
 
 
-def static_response(turbine: JointedTurbine, load: Array) -> tuple[Array, Array]:
+def static_response(turbine: JointedTurbine, load: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Displacements (n,) of (q_r, q_t) and multipliers (6,) under static loads (n + 6,) as above, parked."""
     scale = np.abs(turbine.stiffness).max()
     system = np.hstack([turbine.stiffness, scale * turbine.constraint.T])
@@ -103,7 +104,7 @@ def static_response(turbine: JointedTurbine, load: Array) -> tuple[Array, Array]
     return solution[:-6], -scale * solution[-6:]
 
 
-def frozen_frequencies(turbine: JointedTurbine, count: int) -> Array:
+def frozen_frequencies(turbine: JointedTurbine, count: int) -> AnyArray:
     """Lowest natural frequencies (count,) [Hz] at the frozen azimuth; natural only of a parked turbine.
 
     The index-2 pencil E x' = A x of x = (q, q', nu, lambda) is badly scaled: it is equilibrated to a unit diagonal
@@ -135,7 +136,7 @@ def frozen_frequencies(turbine: JointedTurbine, count: int) -> Array:
     return np.sort(eigenvalues.imag[eigenvalues.imag > 1e-3])[:count] * unit / (2.0 * np.pi)
 
 
-def steady_load_tangent(support: LinearSupport, load: Array) -> Array:
+def steady_load_tangent(support: LinearSupport, load: AnyArray) -> AnyArray:
     """Stiffness (N, N) of the steady multipliers, the paper's J: `load` (6,) in H turns with the hub.
 
     A steady force and moment of the rotor on the support are fixed in the rotor's frame, so a rotation of the hub turns

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 import scipy.linalg
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.beam import Configuration
-from flapgym.structure.rotation import Array
 
 MAX_ITERATIONS = 25
 TOLERANCE = 1e-11
@@ -34,22 +34,24 @@ class Motion:
 
     time: float
     configuration: tuple[Configuration, ...]
-    velocity: Array
-    acceleration: Array
-    algorithmic: Array
-    multipliers: Array
+    velocity: AnyArray
+    acceleration: AnyArray
+    algorithmic: AnyArray
+    multipliers: AnyArray
 
 
 class System(Protocol):
     """What can be marched: n unknowns of motion and k constraints on their velocities."""
 
-    def moved(self, configuration: tuple[Configuration, ...], increment: Array) -> tuple[Configuration, ...]:
+    def moved(
+        self, configuration: tuple[Configuration, ...], increment: AnyArray
+    ) -> tuple[Configuration, ...]:
         """Return the configuration after an increment (n,) of the unknowns."""
 
-    def residual(self, motion: Motion) -> Array:
+    def residual(self, motion: Motion) -> AnyArray:
         """Return imbalance of forces (n,) and violation of the velocity constraints (k,)."""
 
-    def iteration_matrix(self, motion: Motion, rate_factor: float, mass_factor: float) -> Array:
+    def iteration_matrix(self, motion: Motion, rate_factor: float, mass_factor: float) -> AnyArray:
         """Return the residual's derivative (n + k, n + k).
 
         For increments of the unknowns that move velocities by rate_factor and accelerations by mass_factor as
@@ -58,7 +60,7 @@ class System(Protocol):
 
 
 def start(
-    configuration: tuple[Configuration, ...], velocity: Array, constraints: int = 0, time: float = 0.0
+    configuration: tuple[Configuration, ...], velocity: AnyArray, constraints: int = 0, time: float = 0.0
 ) -> Motion:
     """First state without acceleration, as in a steady state or where loads begin smoothly."""
     still = np.zeros_like(velocity)

@@ -12,11 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.beam import Beam, Configuration
 from flapgym.structure.blade import blade_beam
 from flapgym.structure.equilibrium import solve_equilibrium
 from flapgym.structure.inertia import section_mass
-from flapgym.structure.rotation import Array, about_x, about_y, cross, hat
+from flapgym.structure.rotation import about_x, about_y, cross, hat
 from flapgym.structure.support import shaft_beam, tower_beam
 from flapgym.turbine import Turbine
 from reference.body_motion import Body, FrameMotion, dynamic_forces, dynamic_tangent, energy
@@ -33,12 +34,12 @@ def at_rest(time: float) -> FrameMotion:
     return FrameMotion(np.zeros(6), np.zeros(6))
 
 
-def no_load(time: float) -> tuple[Array, ...]:
+def no_load(time: float) -> tuple[AnyArray, ...]:
     """Return no loads."""
     return ()
 
 
-def weightless(time: float) -> Array:
+def weightless(time: float) -> AnyArray:
     """Return no acceleration of free fall."""
     return np.zeros(3)
 
@@ -61,7 +62,7 @@ def support_body(turbine: Turbine) -> Body:
     return Body.of(Beam(Configuration(position, orientation), stiffness, mass), parts)
 
 
-def hub_mass(turbine: Turbine) -> Array:
+def hub_mass(turbine: Turbine) -> AnyArray:
     """6 x 6 mass of the hub in S axes."""
     return section_mass(
         turbine.hub.mass, np.zeros(3), turbine.hub.inertia_about_shaft * np.outer(_AXIS, _AXIS)
@@ -97,12 +98,12 @@ class MovingTurbine:
     elements: int
     rotor_speed: float
     base: Callable[[float], FrameMotion] = at_rest
-    load: Callable[[float], tuple[Array, ...]] = no_load
-    gravity: Callable[[float], Array] = weightless
+    load: Callable[[float], tuple[AnyArray, ...]] = no_load
+    gravity: Callable[[float], AnyArray] = weightless
     blades: tuple[Body, ...] = field(init=False)
     support: Body = field(init=False)
-    hub: Array = field(init=False)
-    hub_axes: Array = field(init=False)
+    hub: AnyArray = field(init=False)
+    hub_axes: AnyArray = field(init=False)
 
     def __post_init__(self) -> None:
         beam = blade_beam(self.turbine, self.elements)
@@ -142,17 +143,19 @@ class MovingTurbine:
         still = np.zeros(self.size)
         return Motion(0.0, (*shapes, self.support.beam.reference), velocity, still, still, np.zeros(6))
 
-    def moved(self, configuration: tuple[Configuration, ...], increment: Array) -> tuple[Configuration, ...]:
+    def moved(
+        self, configuration: tuple[Configuration, ...], increment: AnyArray
+    ) -> tuple[Configuration, ...]:
         """Return the configuration after an increment; the frame S itself carries none."""
         parts = [_nodes(increment[own]) for own in self.slices]
         return tuple(shape.moved(part) for shape, part in zip(configuration, parts, strict=True))
 
-    def _hub(self, motion: Motion) -> tuple[Array, Array]:
+    def _hub(self, motion: Motion) -> tuple[AnyArray, AnyArray]:
         """Axes of H (3, 3) in base axes and the shaft end's position."""
         shape = motion.configuration[-1]
         return shape.orientation[-1] @ self.hub_axes, shape.position[-1]
 
-    def constraint(self, motion: Motion) -> Array:
+    def constraint(self, motion: Motion) -> AnyArray:
         """Violation (6,) of the joint, in H axes: velocity of the shaft's end less that of S but for Omega."""
         axes, position = self._hub(motion)
         base = self.base(motion.time).velocity
@@ -164,7 +167,7 @@ class MovingTurbine:
             [axes.T @ linear - turn @ rotor[:3], axes.T @ (end[3:] + base[3:]) - turn @ rotor[3:]]
         )
 
-    def residual(self, motion: Motion) -> Array:
+    def residual(self, motion: Motion) -> AnyArray:
         """Return imbalance of forces and violation of the joint."""
         axes, turn = self._hub(motion)[0], about_x(-self.rotor_speed * motion.time)
         fall = self.gravity(motion.time)
@@ -189,7 +192,7 @@ class MovingTurbine:
         out[end:] = resultant + np.concatenate([turn @ joint[:3], turn @ joint[3:]])
         return np.concatenate([out, self.constraint(motion)])
 
-    def iteration_matrix(self, motion: Motion, rate_factor: float, mass_factor: float) -> Array:
+    def iteration_matrix(self, motion: Motion, rate_factor: float, mass_factor: float) -> AnyArray:
         """Return the derivative of `residual`, without what the nodes' own rates and turning joint loads add."""
         size = self.size
         out = np.zeros((size + 6, size + 6))
@@ -229,16 +232,16 @@ def turned(beam: Beam, azimuth: float) -> Beam:
     return Beam(reference, beam.stiffness, beam.mass)
 
 
-def _nodes(free: Array) -> Array:
+def _nodes(free: AnyArray) -> AnyArray:
     return np.concatenate([np.zeros(6), free]).reshape(-1, 6)
 
 
-def _falling(frame: FrameMotion, fall: Array) -> FrameMotion:
+def _falling(frame: FrameMotion, fall: AnyArray) -> FrameMotion:
     """The frame as inertia feels it under gravity: accelerated against the free fall (3,) in its axes."""
     return FrameMotion(frame.velocity, frame.acceleration - np.append(fall, np.zeros(3)))
 
 
-def _rigid_forces(mass: Array, frame: FrameMotion) -> Array:
+def _rigid_forces(mass: AnyArray, frame: FrameMotion) -> AnyArray:
     """Force and moment (6,) that the inertia of a rigid part at the frame's origin asks for: M nu' + nu x M nu."""
     spin = np.kron(np.eye(2), hat(frame.velocity[3:]))
     momentum = mass @ frame.velocity

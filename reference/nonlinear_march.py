@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.structure import Configuration
 from flapgym.structure.rotation import about_x
 from reference.march import Motion, march

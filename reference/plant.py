@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.core.state_space import Array
-from flapgym.model.multiblade import BLADES, to_blades, to_components
+from flapgym.core.arrays import BLADES, Array
+from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.layout import TOUCH
 

@@ -17,7 +17,8 @@ from flapgym.aeroelastic.equations import (
     summed_load,
     turbine_equations,
 )
-from flapgym.core.state_space import Array, StateSpace, delayed, series
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, delayed, series
 from flapgym.model.turbine_model import TURBINE_OUTPUTS
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import (
     BLADE_INPUTS,
     BLADE_OUTPUTS,

@@ -40,9 +40,10 @@ from baselines.tune import CONFIG
 from flapgym.aerodynamics.downwash import glauert_scale
 from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.channels import ROTOR
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_together
 from flapgym.core.program import Parser, Work, run, whole
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.state_space import StateSpace
 from flapgym.evaluation import Record, measure, writable_folder
 from flapgym.evaluation.compare import MOST_REALISATIONS, PAPER_LENGTH, PAPER_REALISATIONS
 from flapgym.model.nameplate import nameplate

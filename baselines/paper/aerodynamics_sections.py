@@ -13,7 +13,7 @@ from benchmarks.aerodynamics import figure8, steady_gains, variant
 from benchmarks.reduction import TOTALS, figure12
 from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.turbine import Case
 
 PAPER_LOSS = -15.0

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.state_space import StateSpace
 
 Arrays = Mapping[str, Array]
 

@@ -12,7 +12,7 @@ from baselines.paper.models import was_judged
 from baselines.paper.robustness import CONDITIONS, LONGEST, MARGINS, PERIODIC_CONDITIONS
 from baselines.paper.scores import CHANGES, Score
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.evaluation import Estimate
 from flapgym.evaluation.compare import PAPER_REALISATIONS
 from flapgym.model.turbine_model import TurbineModel

@@ -29,7 +29,8 @@ from flapgym.control import (
     white_wind,
 )
 from flapgym.control.lqg import FILTER_ORDER
-from flapgym.core.state_space import Array, StateSpace, delayed
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, delayed
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.reduction import ReducedSystem
 from flapgym.turbine import Case

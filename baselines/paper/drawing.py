@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
-from flapgym.core.state_space import Array
 
 
 def drawn(draw: Callable[[Path], object]) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.evaluation import Record, root_mean_square
 
 AT_STOP = 0.999

@@ -14,7 +14,8 @@ import numpy as np
 
 from baselines.paper.document import Section, Table, percent
 from baselines.paper.duty import Duty
-from flapgym.core.state_space import Array, StateSpace, require_time_step
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, require_time_step
 from flapgym.evaluation import Record, damage_equivalent_load, paired_change, root_mean_square
 from flapgym.evaluation.metrics import FATIGUE_SLOPE
 from flapgym.model.multiblade import to_blades, to_components

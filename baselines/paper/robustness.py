@@ -15,7 +15,8 @@ from flapgym.control.channels import ROTOR
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS, with_effectiveness
 from flapgym.control.growth import growth
 from flapgym.control.margins import delay_margin, disk_margin, late_measurement
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import TurbineModel
 
 EFFECTIVENESS = (0.7, 1.0, 1.3)

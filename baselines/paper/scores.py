@@ -12,7 +12,7 @@ from scipy.stats import bootstrap
 from baselines.paper.cache import Cache, fingerprint
 from baselines.tuning import LinearController
 from flapgym.control import Agent, Policy, PredictiveController
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.evaluation import SCORED_SEED, Estimate, Metrics, Record, paired_change, simulate
 from flapgym.evaluation.bootstrap import CONFIDENCE, SMALLEST_CORRECTED
 from flapgym.model.turbine_model import TurbineModel

@@ -10,7 +10,7 @@ import numpy as np
 from baselines.paper.cache import Cache
 from baselines.paper.document import Section, Table
 from baselines.paper.drawing import drawn, kept
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import SECOND_DRIVETRAIN, modes_table, named_modes
 from flapgym.turbine import Case, Turbine

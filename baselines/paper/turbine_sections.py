@@ -18,7 +18,7 @@ from baselines.paper.models import JUDGED, was_judged
 from benchmarks.turbine.bode import figure10, figure13, figure14
 from benchmarks.turbine.study import Study
 from benchmarks.turbine.tips import figure11
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.evaluation import plan, run
 from flapgym.evaluation.figure import draw_figure
 from flapgym.model.turbine_model import TurbineModel

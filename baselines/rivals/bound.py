@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flapgym.core.state_space import Array, StateSpace, require_time_step, series
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, require_time_step, series
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.reduction.weighted import balance, relative_error
 from flapgym.wind import von_karman_filter

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from baselines.rivals.bound import Bound
 from baselines.shipped import loaded, shipped_weights
 from flapgym.control import Agent, OpenLoop, PredictiveController
-from flapgym.control.agent import BLADES, Array, Floats
+from flapgym.control.agent import Floats
 from flapgym.control.rotor_controller import RotorController
+from flapgym.core.arrays import BLADES, Array
 from flapgym.model.turbine_model import TurbineModel
 
 PREVIEWS = (0.2, 0.5, 1.0, 2.0)

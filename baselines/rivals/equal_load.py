@@ -20,7 +20,8 @@ from flapgym.control import (
     stationary_rms,
     synthesise,
 )
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import TurbineModel
 
 CALM = Weights(rbm=0.5, flap_angle=1.0, acceleration=3.6, measurement_noise=0.1)

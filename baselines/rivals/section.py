@@ -10,7 +10,7 @@ from baselines.paper.scores import CHANGES
 from baselines.rivals.bound import HOLD
 from baselines.rivals.equal_load import EqualLoad
 from baselines.rivals.study import NOISES, Outcome, Study
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.evaluation import paired_change
 
 EQUAL = ("LQG", "PD", "PID", "LQG, acceleration weighed 1000 times, 10 % noise expected")

@@ -20,7 +20,8 @@ from baselines.shipped import loaded, shipped_weights
 from flapgym.control import Agent, OpenLoop, PredictiveController, closed_loop
 from flapgym.control.channels import MULTIBLADE
 from flapgym.control.horizon import BLOCKS
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 from flapgym.evaluation import (
     SCORED_SEED,
     Metrics,

@@ -13,7 +13,8 @@ from benchmarks.turbine.study import Study, Tell
 from flapgym.aeroelastic.coupling import couple
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 from flapgym.model.multiblade import to_blades, to_components
 from flapgym.wind import von_karman_spectrum
 from reference.full import march_turbine

@@ -21,13 +21,13 @@ from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.design import clamped_rotor, frozen_turbine
 from flapgym.aeroelastic.equations import Parts, periodic_equations
 from flapgym.aeroelastic.trim import deflected_lattice
+from flapgym.core.arrays import ComplexArray
 from flapgym.core.atomic import write_picture
 from flapgym.core.state_space import StateSpace
 from flapgym.reduction import normal_modes
 from flapgym.structure import linear_blade, linear_support
 from reference.exact import harmonic_response
 
-ComplexArray = NDArray[np.complex128]
 Curves = Mapping[str, ComplexArray]
 
 # Finer where lightly damped modes of tower and drivetrain make narrow marks [Hz].

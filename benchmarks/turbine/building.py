@@ -27,7 +27,7 @@ from flapgym.aeroelastic.build import build_model
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.flutter import find_flutter
 from flapgym.aeroelastic.periodic import step_matrices
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.core.units import DEGREE
 from flapgym.model import TurbineModel, load_model, save_model
 from flapgym.model.compact import compact_model

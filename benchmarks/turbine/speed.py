@@ -17,7 +17,7 @@ from benchmarks.turbine.accuracy import AZIMUTH, REFRESH, signals, time_invarian
 from benchmarks.turbine.study import Study, Tell
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, step_matrices
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.envs.observation import task_of
 from flapgym.model import TurbineModel, load_model
 from flapgym.plant import Setup, Start, layout, make_plant

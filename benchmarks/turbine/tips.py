@@ -8,8 +8,9 @@ import numpy as np
 
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.study import Study, Tell, pyplot
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_picture
-from flapgym.core.state_space import Array, series
+from flapgym.core.state_space import series
 from flapgym.model import TurbineModel, load_model
 from flapgym.model.multiblade import to_blades
 from flapgym.wind import realise, von_karman_filter

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.signal
 
-from benchmarks.validation.reference import WIND_SPEED, Array, Series
+from benchmarks.validation.reference import WIND_SPEED, Series
+from flapgym.core.arrays import Array
 from flapgym.evaluation.metrics import damage_equivalent_load
 from flapgym.model import TurbineModel
 

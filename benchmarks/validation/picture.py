@@ -10,7 +10,8 @@ import numpy as np
 
 from benchmarks.validation.comparison import PROGRAMS, Comparison
 from benchmarks.validation.measures import BANDS, spectrum
-from benchmarks.validation.reference import Array, Series
+from benchmarks.validation.reference import Series
+from flapgym.core.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flapgym.core.arrays import Array
 
 FOLDER = Path(__file__).parents[2] / "tests" / "data" / "openfast"
 WIND_SPEED = 11.0

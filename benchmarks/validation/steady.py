@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.validation.reference import Array
 from flapgym.aerodynamics import rigid_rotor, root_moment_load, wake_transport
 from flapgym.aeroelastic.trim import trim
+from flapgym.core.arrays import Array
 from flapgym.structure import blade_beam
 from flapgym.turbine import Case
 

@@ -14,11 +14,10 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import BLADES, Array
 from flapgym.envs.fleet import numbers
 from flapgym.envs.observation import QUANTITIES
 from flapgym.envs.vector import FlapVectorEnv
-from flapgym.model.multiblade import BLADES
 
 try:
     from stable_baselines3.common.vec_env.base_vec_env import VecEnv

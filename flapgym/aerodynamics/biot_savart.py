@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flapgym.core.arrays import Array
 
 # Below this 1 + cos(angle seen between the ends) a point lies on the segment to within rounding.
 _ON_SEGMENT = 1e-13

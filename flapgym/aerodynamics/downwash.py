@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aerodynamics.model import Aerodynamics
+from flapgym.core.arrays import Array
 from flapgym.turbine import Flap
-
-Array = NDArray[np.float64]
 
 
 def glauert_lift(chord_fraction: float) -> float:

@@ -10,9 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flapgym.core.arrays import Array
 
 # Age, in time steps, of the last bound vortex edge. At a quarter of a step behind the trailing edge the first wake
 # row carries the same quarter/three-quarter rule as the bound panels, whatever the ratio of row to panel length.

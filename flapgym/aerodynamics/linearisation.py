@@ -14,14 +14,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flapgym.aerodynamics.lattice import Lattice
 from flapgym.aerodynamics.loads import BoundSegments, FullLoads, leading_segments, side_segments
 from flapgym.aerodynamics.model import Aerodynamics
 from flapgym.aerodynamics.steady import MeanLoads, induced_velocity_at
-
-Array = NDArray[np.float64]
+from flapgym.core.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

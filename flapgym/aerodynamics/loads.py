@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flapgym.aerodynamics.lattice import Inflow, Lattice
+from flapgym.core.arrays import Array
 
-Array = NDArray[np.float64]
 Cover = Literal["ring", "panel"]
 
 # Backward differences of first and second order: weights of the present and the past circulations.

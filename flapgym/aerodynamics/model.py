@@ -7,14 +7,12 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flapgym.aerodynamics.biot_savart import ring_influence, segment_velocity, velocity_influence
 from flapgym.aerodynamics.lattice import Inflow, Lattice, rotation_about_x, wake_ages, wake_nodes
 from flapgym.aerodynamics.loads import Cover, force_matrices, leading_segments
+from flapgym.core.arrays import Array, ComplexArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 WakeEnd = Literal["closed", "open"]
 
 

@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.aerodynamics.loads import FullLoads
 from flapgym.aerodynamics.model import Aerodynamics
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from flapgym.core.arrays import Array, ComplexArray
 
 _BLOCK = 512  # frequencies handled at once: keeps the table of powers of z below some MB
 

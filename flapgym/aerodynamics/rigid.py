@@ -20,9 +20,8 @@ from flapgym.aerodynamics.model import Aerodynamics
 from flapgym.aerodynamics.response import collective_response, steady_response, transfer_function
 from flapgym.aerodynamics.rotor import build_aerodynamics, build_mean_aerodynamics, mean_is_perturbations
 from flapgym.aerodynamics.steady import MeanLoads, mean_loads, momentum_induction
+from flapgym.core.arrays import Array
 from flapgym.turbine import Case
-
-Array = NDArray[np.float64]
 
 SETTLED = 1e-8
 """Change of the induction between two rounds that counts as none."""

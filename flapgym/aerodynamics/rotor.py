@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flapgym.aerodynamics.lattice import Inflow, Lattice, build_lattice
 from flapgym.aerodynamics.model import Aerodynamics, WakeEnd, assemble
+from flapgym.core.arrays import Array
 from flapgym.turbine import Case
-
-Array = NDArray[np.float64]
 
 MEAN_WAKE_TURN = np.deg2rad(5.0)
 """Turn of the rotor in which a mean wake of its own grows by a row [rad]; half of it moves the thrust by less than a

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flapgym.aerodynamics.biot_savart import induced_velocity, segment_velocity
 from flapgym.aerodynamics.lattice import wake_nodes
@@ -19,9 +18,8 @@ from flapgym.aerodynamics.loads import leading_segments, side_segments
 from flapgym.aerodynamics.model import Aerodynamics, blade_turns
 from flapgym.aerodynamics.response import steady_circulation
 from flapgym.aerodynamics.rotor import mid_radius, strip_radius, zero_lift_angles
+from flapgym.core.arrays import Array
 from flapgym.turbine import Case
-
-Array = NDArray[np.float64]
 
 
 def incidence_downwash(aero: Aerodynamics, zero_lift_angle: Array) -> Array:

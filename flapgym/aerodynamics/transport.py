@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import minimize_scalar
 
@@ -21,10 +21,9 @@ from flapgym.aerodynamics.lattice import wake_ages, wake_nodes
 from flapgym.aerodynamics.model import Aerodynamics, blade_turns
 from flapgym.aerodynamics.response import collective_response
 from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load, wake_rows
+from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace
 from flapgym.turbine import Case
-
-Array = NDArray[np.float64]
 
 _SHIFT = 1e-4  # of the way a row travels in a step: how far corners are moved to difference the influence
 

@@ -27,7 +27,7 @@ from flapgym.aeroelastic.interaction import (
     velocity_downwash,
 )
 from flapgym.aeroelastic.lattice_motion import lattice_motion, mode_downwash, segment_motion
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.core.wording import number
 from flapgym.reduction import ReducedSystem, balanced_reduction
 from flapgym.structure import LinearBlade

@@ -22,7 +22,8 @@ from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equati
 from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.aeroelastic.trim import deflected_lattice, trim
 from flapgym.aeroelastic.uneven import UnevenParts, assemble_uneven, multiblade_equations, uneven_equations
-from flapgym.core.state_space import Array, StateSpace, delayed, series
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, delayed, series
 from flapgym.core.wording import number
 from flapgym.model.compact import compact_model
 from flapgym.model.harmonics import TOLERANCE, fourier_series

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 from flapgym.model.multiblade import WORK_WEIGHTS, derivative_coupling
 from flapgym.reduction import ReducedSystem
 

@@ -12,7 +12,7 @@ from flapgym.aerodynamics import MeanFlow
 from flapgym.aeroelastic.blade_lattice import BladeLattice
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, turbine_structure
 from flapgym.aeroelastic.periodic import PeriodicEquations
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.model.multiblade import WORK_WEIGHTS, hub_components
 from flapgym.model.turbine_model import BLADE_INPUTS, BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS
 from flapgym.reduction import normal_modes

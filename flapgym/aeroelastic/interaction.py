@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.aerodynamics import Aerodynamics, MeanLoads
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.structure import LinearBlade, blade_beam
 from flapgym.structure.rotation import hat
 from flapgym.turbine import Case

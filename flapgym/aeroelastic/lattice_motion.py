@@ -21,7 +21,7 @@ from flapgym.aerodynamics import (
 )
 from flapgym.aerodynamics.rotor import blade_rings
 from flapgym.aeroelastic.interaction import lattice_shape
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.structure import LinearBlade
 from flapgym.structure.rotation import hat, rigid_displacement, rotation_matrix
 from flapgym.turbine import Case

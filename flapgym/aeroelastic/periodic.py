@@ -25,14 +25,8 @@ from flapgym.aeroelastic.coupling import (
     instant,
     reading,
 )
-from flapgym.core.state_space import Array
-from flapgym.model.multiblade import (
-    BLADES,
-    blade_azimuths,
-    derivative_coupling,
-    hub_components,
-    on_rotor,
-)
+from flapgym.core.arrays import BLADES, Array
+from flapgym.model.multiblade import blade_azimuths, derivative_coupling, hub_components, on_rotor
 from flapgym.reduction import ReducedSystem
 
 PERIODIC_INPUTS = (*(f"flap_angle_{b}" for b in (1, 2, 3)), *(f"flap_rate_{b}" for b in (1, 2, 3)), "wind")

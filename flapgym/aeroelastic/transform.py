@@ -12,8 +12,8 @@ import scipy.linalg
 
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder
 from flapgym.aeroelastic.periodic import PERIODIC_INPUTS
-from flapgym.core.state_space import Array
-from flapgym.model.multiblade import BLADES, blade_azimuths, derivative_coupling, on_rotor
+from flapgym.core.arrays import BLADES, Array
+from flapgym.model.multiblade import blade_azimuths, derivative_coupling, on_rotor
 from flapgym.model.turbine_model import TURBINE_INPUTS, TURBINE_OUTPUTS
 
 Step = tuple[Array, Array, Array, Array]

@@ -20,7 +20,7 @@ from flapgym.aerodynamics import (
 )
 from flapgym.aerodynamics.rotor import mean_is_perturbations
 from flapgym.aeroelastic.interaction import interpolation, lattice_shape
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.core.wording import number
 from flapgym.structure import EquilibriumError, LinearBlade, linear_blade
 from flapgym.turbine import Case

@@ -23,7 +23,7 @@ from flapgym.aeroelastic.equations import Parts, blade_by_blade
 from flapgym.aeroelastic.periodic import PeriodicEquations
 from flapgym.aeroelastic.transform import in_multiblade
 from flapgym.aeroelastic.trim import Trim, trim
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.reduction import normal_modes
 from flapgym.structure import LinearBlade, linear_support
 from flapgym.structure.rotation import hat

@@ -11,14 +11,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.core.arrays import BLADES, Array
 from flapgym.core.state_space import require_time_step
-
-BLADES = 3
 
 OBSERVATION_SCALES: dict[str, float] = {"rbm": 1e6, "flap_angle": 1.0, "flap_rate": 1.0}
 """SI value of one unit of the environment's observation: MN m, rad, rad/s. Each has one entry per blade."""
 
-Array = NDArray[np.float64]
 Floats = NDArray[np.floating]
 """Observations come as the environment's float32."""
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.control.agent import Agent, Array, OpenLoop
+from flapgym.control.agent import Agent, OpenLoop
+from flapgym.core.arrays import Array
 from flapgym.core.wording import shown
 
 BLADE_QUANTITIES = ("rbm", "flap_angle", "flap_rate", "tip_deflection")

@@ -21,9 +21,10 @@ from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPU
 from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.policy import Policy
 from flapgym.control.rotor_controller import RotorController
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
 from flapgym.core.files import MEGABYTE, check_plain, read_json
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.state_space import StateSpace
 from flapgym.core.wording import one_line, shown
 from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel
 

@@ -8,9 +8,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.control.agent import Array, Floats, by_blade
+from flapgym.control.agent import Floats, by_blade
 from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
 from flapgym.control.channels import BLADE
+from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace
 
 CONTROLLER_INPUTS = BLADE.inputs

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.special import logsumexp
 
 from flapgym.control.channels import BLADE, ROTOR, controller_channels
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, Quantity
-from flapgym.core.state_space import Array, StateSpace, require_time_step, series
+from flapgym.core.state_space import StateSpace, require_time_step, series
 from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.wind import von_karman_filter

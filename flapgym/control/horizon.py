@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flapgym.control.lqg import DesignModel, Weights, regulator_gain, with_actuator
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 
 BLOCKS = (1, 1, 1, 1, 2, 2, 4, 4, 8, 8, 16, 16, 32, 32, 64)
 """Steps over which each offset is held: 192 steps, 1.3 s."""

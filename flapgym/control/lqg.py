@@ -17,8 +17,9 @@ from flapgym.control.blade_controller import BladeController
 from flapgym.control.channels import Channels, controller_channels
 from flapgym.control.closed_loop import require_model_step
 from flapgym.control.rotor_controller import RotorController
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Quantity
-from flapgym.core.state_space import Array, StateSpace, series
+from flapgym.core.state_space import StateSpace, series
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.wind import von_karman_filter
 

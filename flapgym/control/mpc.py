@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.control.agent import BLADES, Array, Floats, by_blade
+from flapgym.control.agent import Floats, by_blade
 from flapgym.control.blade_controller import CONTROLLER_INPUTS
 from flapgym.control.channels import BLADE
 from flapgym.control.horizon import BLOCKS, condense, innovations
@@ -23,6 +23,7 @@ from flapgym.control.lqg import (
     first_estimate,
     synthesise,
 )
+from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Count
 from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import TurbineModel

@@ -12,7 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from flapgym.core.state_space import Array, StateSpace, TransferFunction
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, TransferFunction
 
 TOLERANCE = 1e-6
 """Of the peak, relative: no frequency has a gain larger than the one returned by more than that."""

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.closed_loop import flaps_loop, growth_per_turn, require_model_step
 from flapgym.control.margins import DiskMargin
-from flapgym.core.state_space import Array, StateSpace, TransferFunction
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, TransferFunction
 from flapgym.model.multiblade import blade_azimuths
 from flapgym.model.turbine_model import TurbineModel
 

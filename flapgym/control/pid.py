@@ -15,8 +15,9 @@ from flapgym.control.blade_controller import BladeController
 from flapgym.control.channels import MULTIBLADE
 from flapgym.control.pd import PD_START, PDGains, pd_controller
 from flapgym.control.rotor_controller import RotorController
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Quantity
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import TurbineModel
 
 PID_START = np.vstack([PD_START, np.zeros((1, 3))])

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.control.agent import BLADES, Array, Floats
+from flapgym.control.agent import Floats
 from flapgym.control.agent_checks import (
     BLADE_QUANTITIES,
     check_hash,
@@ -17,6 +17,7 @@ from flapgym.control.agent_checks import (
     check_steps_per_action,
     naming,
 )
+from flapgym.core.arrays import BLADES, Array
 from flapgym.core.wording import shown
 
 Activation = Literal["tanh", "relu"]

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.control.agent import BLADES, Array, Floats, by_blade
+from flapgym.control.agent import Floats, by_blade
 from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, one_product
 from flapgym.control.channels import MULTIBLADE, Channels, controller_channels
+from flapgym.core.arrays import BLADES, Array
 from flapgym.core.state_space import StateSpace
 from flapgym.model.multiblade import to_blades, to_components
 

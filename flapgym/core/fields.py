@@ -17,10 +17,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.core.arrays import Array
 from flapgym.core.units import article, parse_quantity, show, unit_size
 from flapgym.core.wording import one_line, shown
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 LONGEST_TEXT = 1000

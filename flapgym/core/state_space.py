@@ -13,9 +13,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.core.arrays import Array
 from flapgym.core.wording import number, shown
-
-Array = NDArray[np.float64]
 
 SAME_STEP = 1e-9
 """Relative difference up to which two time steps are one, computed in different ways."""

@@ -13,11 +13,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.core.state_space import Array, series
+from flapgym.core.arrays import BLADES, Array
+from flapgym.core.state_space import series
 from flapgym.core.wording import number, shown
 from flapgym.envs.observation import DISPLACEMENTS, bound_of, task_of
 from flapgym.envs.settings import FRACTION, Settings
-from flapgym.model.multiblade import BLADES
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.delayed import DelayedPlant

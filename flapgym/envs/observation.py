@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.model.multiblade import BLADES
+from flapgym.core.arrays import BLADES
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import Task, layout
 

@@ -11,6 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
+from flapgym.core.arrays import BLADES, FloatArray
 from flapgym.core.wording import shown
 from flapgym.envs.fleet import (
     Fleet,
@@ -30,10 +31,9 @@ from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
 from flapgym.envs.spec import completed
 from flapgym.envs.step_info import FullInfo, StepInfo
-from flapgym.model.multiblade import BLADES
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import layout
-from flapgym.plant.interface import FloatArray, Quick, told
+from flapgym.plant.interface import Quick, told
 
 # Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
 empty, ndarray, FLOAT32, ROW = np.empty, np.ndarray, np.dtype(np.float32), layout.ROW

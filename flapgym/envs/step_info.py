@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from flapgym.core.state_space import Array
-from flapgym.model.multiblade import BLADES
+from flapgym.core.arrays import BLADES, Array
 from flapgym.plant import layout
 
 RBM, TIP, ANGLE, RATE, TRAVEL, MEAN_SQUARE, STOPPED = (

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.core.wording import number, shown
 from flapgym.envs.fleet import (
     UNREADABLE,

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import bootstrap
 
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Numbers
 from flapgym.core.wording import number
 from flapgym.evaluation.metrics import FATIGUE_SLOPE, summed_damage_load
@@ -18,7 +19,6 @@ RESAMPLES = 9999
 SMALLEST_CORRECTED = 10
 """Fewer realisations than this get the percentile interval: the bias correction then rests on too few points."""
 
-Array = NDArray[np.float64]
 Statistic = Callable[..., Array]
 """Of paired samples along `axis`, as `scipy.stats.bootstrap` takes it."""
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flapgym.core.arrays import Array
 from flapgym.core.files import check_plain
-from flapgym.core.state_space import Array
 from flapgym.core.wording import shown
 from flapgym.model.record import Flutter, Record
 

@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flapgym.core.state_space import Array, StateSpace
-
-ComplexArray = NDArray[np.complex128]
+from flapgym.core.arrays import Array, ComplexArray
+from flapgym.core.state_space import StateSpace
 
 TOLERANCE = 1e-11
 """Harmonics and directions below this are left out, over the largest entry of the scaled mean."""

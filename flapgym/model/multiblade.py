@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import BLADES, Array
 
-BLADES = 3
 # Sum over the blades of cos^2 and sin^2 is 3/2, of one is 3: the virtual work of the components.
 WORK_WEIGHTS = np.array([3.0, 1.5, 1.5])
 

@@ -19,9 +19,10 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
 from flapgym.core.files import MEGABYTE, parse_json, regular_file
-from flapgym.core.state_space import Array, StateSpace, require_time_step
+from flapgym.core.state_space import StateSpace, require_time_step
 from flapgym.core.wording import number, one_line, shown
 from flapgym.model.check import check_header, check_model, check_tensors
 from flapgym.model.harmonics import PeriodicPart, shaken_at

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, PerBlade, Quantity
-from flapgym.core.state_space import Array
 from flapgym.plant.layout import TOUCH
 
 FEW = 16

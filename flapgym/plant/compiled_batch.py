@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
+from flapgym.core.arrays import BLADES
 from flapgym.plant.compiled_loops import C1, OPTIONS, S1, THIRD, close, widest_vectors
 from flapgym.plant.compiled_modes import add_products_of_block, push_block
 from flapgym.plant.layout import (
@@ -14,7 +15,6 @@ from flapgym.plant.layout import (
     ANGLE,
     ANGLE_LIMIT,
     BLADE_COUNT,
-    BLADES,
     COSINE,
     COSINE_TURN,
     COUNT,

@@ -15,9 +15,9 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from flapgym.core.arrays import BLADES
 from flapgym.plant.layout import (
     ALIGNMENT,
-    BLADES,
     DRIVE,
     LANES,
     PUSH_ROWS,

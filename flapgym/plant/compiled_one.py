@@ -10,6 +10,7 @@ import math
 
 from numba import njit
 
+from flapgym.core.arrays import BLADES
 from flapgym.plant.compiled_loops import C1, OPTIONS, S1, THIRD, close, widest_vectors
 from flapgym.plant.compiled_modes import add_columns, add_deviations, decay_and_read, decay_push_and_read
 from flapgym.plant.layout import (
@@ -17,7 +18,6 @@ from flapgym.plant.layout import (
     ANGLE,
     ANGLE_LIMIT,
     BLADE_COUNT,
-    BLADES,
     COSINE,
     COSINE_TURN,
     COUNT,

@@ -13,15 +13,14 @@ from numba import njit, types
 from numba.core import event
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import BLADES, Array, ComplexArray, FloatArray
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import compiled, layout
 from flapgym.plant.actuator import Actuator
 from flapgym.plant.compiled_loops import OPTIONS
-from flapgym.plant.interface import FloatArray, Quick, Setup, Start, Task
+from flapgym.plant.interface import Quick, Setup, Start, Task
 from flapgym.plant.kernel import prepare
 from flapgym.plant.lifted_plant import first_interval, first_motion
-from flapgym.plant.modal import ComplexArray
 from flapgym.plant.responses import Responses
 from flapgym.plant.sampled import fill_instant, plant_fingerprint
 from flapgym.plant.stuck import first_modes
@@ -226,15 +225,15 @@ class CompiledPlant:
     def _constants_of_one(self) -> tuple[list[Array], Array]:
         """What the step of one turbine reads of the modes, and what it reads of the flaps."""
         held, flap, rows = self._kernel.held, self._kernel.flap, self._kernel.rows.count
-        feed = np.zeros((len(held.feed) + layout.BLADES, -(-rows // layout.LANES) * layout.LANES))
+        feed = np.zeros((len(held.feed) + BLADES, -(-rows // layout.LANES) * layout.LANES))
         # The outputs at the last sample are read behind the push.
         start, steps = np.split(held.feed, [layout.FLAP_INPUTS])
         feed[:, :rows] = np.vstack([start, held.held_feed - held.pushed, steps])
         reads = np.stack([flap.read.real, -flap.read.imag], axis=1)
-        moments = np.vstack([flap.values.real, flap.values.imag, *reads[: layout.BLADES]])
+        moments = np.vstack([flap.values.real, flap.values.imag, *reads[:BLADES]])
         others = np.zeros((layout.OTHERS, self._size))
-        others[: len(reads) - layout.BLADES, self._places] = (
-            reads[layout.BLADES :].transpose(0, 2, 1).reshape(-1, 2 * flap.order)
+        others[: len(reads) - BLADES, self._places] = (
+            reads[BLADES:].transpose(0, 2, 1).reshape(-1, 2 * flap.order)
         )
         modes = [_with_drive(flap.values, held.step), _with_drive(held.decay, held.push), moments]
         return [*(self._grouped(each) for each in modes), others.ravel()], feed.ravel()
@@ -243,15 +242,15 @@ class CompiledPlant:
         """The same for turbines side by side."""
         held, flap, k = self._kernel.held, self._kernel.flap, self.setup.steps_per_action
         order, rows, size = flap.order, self._kernel.rows.count, self._size
-        decay, push = np.zeros((size // 2, 2)), np.zeros((size // 2, 2, 2, k, layout.BLADES))
+        decay, push = np.zeros((size // 2, 2)), np.zeros((size // 2, 2, 2, k, BLADES))
         powers = flap.values[:, None] ** np.arange(k - 1, -1, -1)
-        by_step = (powers[:, :, None] * held.step[:, None]).reshape(order, k, 2, layout.BLADES)
+        by_step = (powers[:, :, None] * held.step[:, None]).reshape(order, k, 2, BLADES)
         decay[:order] = _parts(held.decay)
         push[:order] = _parts(by_step).transpose(0, 4, 2, 1, 3)
         reading = np.zeros((rows, size))
         reading[:, : 2 * order] = held.read.T
         start, steps = np.split(held.feed, [layout.FLAP_INPUTS])
-        steps = steps.reshape(k, 2, layout.BLADES, rows).swapaxes(0, 1).reshape(-1, rows)
+        steps = steps.reshape(k, 2, BLADES, rows).swapaxes(0, 1).reshape(-1, rows)
         feed = np.ascontiguousarray(np.vstack([start, steps]).T)
         return [part.ravel() for part in (decay, push, reading)], feed.ravel()
 

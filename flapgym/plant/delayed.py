@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array
-from flapgym.plant.interface import FloatArray, Plant, Quick, Start, Task, told
+from flapgym.core.arrays import BLADES, Array, FloatArray
+from flapgym.plant.interface import Plant, Quick, Start, Task, told
 from flapgym.plant.layout import RBM, ROW, SAMPLE, SAMPLE_RBM
-
-BLADES = 3
 
 
 class DelayedPlant:

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from flapgym.core.state_space import Array, StateSpace, series
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, series
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.frame import OutputRows
 from flapgym.plant.lifted import Lifted, lift

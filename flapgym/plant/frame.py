@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.core.state_space import Array
-from flapgym.model.multiblade import BLADES
+from flapgym.core.arrays import BLADES, Array
 from flapgym.model.turbine_model import TURBINE_OUTPUTS
 
 

@@ -19,11 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.core.state_space import Array
-from flapgym.model.multiblade import BLADES
+from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.plant.frame import turned
 from flapgym.plant.layout import FLAP_INPUTS
-from flapgym.plant.modal import ComplexArray, Modal
+from flapgym.plant.modal import Modal
 
 NEAREST = 5e-4
 """Least distance of a mode from what a flap at rest excites: of the loads, 4e-6 is lost in single precision."""

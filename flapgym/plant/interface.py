@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array, FloatArray
 from flapgym.plant.actuator import Faults
 from flapgym.plant.layout import REWARD, WIND
 
@@ -18,7 +18,6 @@ Told = tuple[int, float, float]
 it is negative."""
 Quick = tuple[Callable[[Any, NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]], Told], Any]
 """A function of this very thing, flat actions, and observation and rows to fill."""
-FloatArray = NDArray[np.float64] | NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
 from flapgym.plant.frame import OutputRows, input_frame

@@ -6,6 +6,8 @@ a plant knows is packed into two arrays, one of doubles and one of the precision
 
 from __future__ import annotations
 
+from flapgym.core.arrays import BLADES
+
 # ------------------------------------------------------------------- what a plant gives
 # A row of what a turbine did during an action: the columns that every plant fills, in SI units.
 RBM, TIP, ANGLE, RATE = 0, 3, 6, 9
@@ -32,7 +34,6 @@ back to the very stop, and round-off must not decide whether they meet it."""
 
 OUTPUTS = 9
 """Of turbine and wind: moments and tip deflections in components, tower, wind."""
-BLADES = 3
 FLAP_INPUTS = 6
 """Of the rotor; flap angle and rate in components."""
 

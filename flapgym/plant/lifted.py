@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.core.state_space import Array
-from flapgym.plant.modal import ComplexArray, Modal
+from flapgym.core.arrays import Array, ComplexArray
+from flapgym.plant.modal import Modal
 
 
 @dataclass(frozen=True, eq=False)

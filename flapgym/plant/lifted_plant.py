@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.model.multiblade import blade_azimuths, to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.interface import Interval, Setup, Start, Task

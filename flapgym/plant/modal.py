@@ -10,11 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array, StateSpace
-
-ComplexArray = NDArray[np.complex128]
+from flapgym.core.arrays import Array, ComplexArray
+from flapgym.core.state_space import StateSpace
 
 CONDITION_LIMIT = 1e8
 """Largest condition number of the scaled eigenvectors; round-off grows by it, so 1e8 leaves eight digits."""

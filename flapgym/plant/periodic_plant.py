@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array, StateSpace
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace
 from flapgym.model.harmonics import PeriodicPart
 from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel

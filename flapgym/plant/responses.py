@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array, FloatArray
 from flapgym.plant.disturbance import wind_response
-from flapgym.plant.interface import FloatArray, GivenWind, Setup, Start
+from flapgym.plant.interface import GivenWind, Setup, Start
 from flapgym.plant.kernel import Kernel
 from flapgym.plant.layout import OUTPUTS
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array, FloatArray
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.actuator import Actuator
-from flapgym.plant.interface import FloatArray, Interval, Quick, Setup, Start, Task, told
+from flapgym.plant.interface import Interval, Quick, Setup, Start, Task, told
 from flapgym.plant.kernel import fingerprint
 from flapgym.plant.layout import (
     ANGLE,

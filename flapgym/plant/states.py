@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.core.wording import number, shown
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.interface import Setup

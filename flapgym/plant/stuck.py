@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from flapgym.core.state_space import Array
-from flapgym.model.multiblade import BLADES
+from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.plant.interface import Setup
-from flapgym.plant.modal import ComplexArray, Modal
+from flapgym.plant.modal import Modal
 
 
 def first_modes(flap: Modal, setup: Setup, azimuth: Array, turn: float) -> ComplexArray:

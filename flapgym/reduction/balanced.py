@@ -15,10 +15,10 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from flapgym.core.arrays import ComplexArray
 from flapgym.core.fields import Count
 from flapgym.core.wording import shown
 
-ComplexArray = NDArray[np.complex128]
 # Real for the collective component, complex for whirl.
 Matrix = NDArray[Any]
 

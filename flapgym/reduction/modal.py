@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, Numbers
-from flapgym.core.state_space import Array
 
 
 def normal_modes(mass: Array, stiffness: Array, count: int) -> tuple[Array, Array]:

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from flapgym.core.state_space import Array, StateSpace, require_time_step, series
+from flapgym.core.arrays import Array
+from flapgym.core.state_space import StateSpace, require_time_step, series
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,15 +12,16 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 
+from flapgym.core.arrays import AnyArray
 from flapgym.core.fields import Count, Quantity
 from flapgym.structure.blade import linear_blade
 from flapgym.structure.body import LinearBlade
-from flapgym.structure.rotation import Array, about_x, hat
+from flapgym.structure.rotation import about_x, hat
 from flapgym.structure.support import LinearSupport, linear_support
 from flapgym.turbine import Turbine
 
 
-def hub_velocity(support: LinearSupport, azimuth: float, rotor_speed: float) -> tuple[Array, Array]:
+def hub_velocity(support: LinearSupport, azimuth: float, rotor_speed: float) -> tuple[AnyArray, AnyArray]:
     """Velocities nu (6, N) of a blade's frame at `azimuth` [rad] per q', and their rate of change per q'.
 
     nu = T q' and nu' = T q'' + T' q', with T' the derivative in time at constant rotor speed.
@@ -35,7 +36,7 @@ def hub_velocity(support: LinearSupport, azimuth: float, rotor_speed: float) -> 
 
 def assemble(
     blades: Sequence[LinearBlade], support: LinearSupport, azimuth: float = 0.0
-) -> tuple[Array, Array, Array]:
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """M, C, K of support and equally spaced blades at one azimuth [rad] of the first blade.
 
     Unknowns: the blades' 6n each, in their own frames, then the support's N. Loads on the blades also act on the
@@ -69,7 +70,7 @@ def assemble(
     return mass, damping, stiffness
 
 
-def parked_modes(turbine: Turbine, elements: int = 12, count: int = 20) -> tuple[Array, Array]:
+def parked_modes(turbine: Turbine, elements: int = 12, count: int = 20) -> tuple[AnyArray, AnyArray]:
     """Lowest frequencies (count,) [Hz] and shapes (N, count), of unit modal mass, of the parked turbine, blade 1 up.
 
     Undamped, no wind, no gravity, generator locked: the paper's Table 1.

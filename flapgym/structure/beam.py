@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.rotation import (
     DEVIATOR,
     DEVIATOR_SLOPE,
@@ -20,7 +21,6 @@ from flapgym.structure.rotation import (
     SHEAR_SLOPE,
     STRETCH,
     STRETCH_SLOPE,
-    Array,
     cross,
     even,
     hat,
@@ -41,10 +41,10 @@ class Configuration:
         Section axes as columns: along the beam, then the two section axes.
     """
 
-    position: Array
-    orientation: Array
+    position: AnyArray
+    orientation: AnyArray
 
-    def moved(self, increment: Array) -> Configuration:
+    def moved(self, increment: AnyArray) -> Configuration:
         """Return the configuration after displacements [m] and spatial rotations [rad], increment (n + 1, 6)."""
         turn = rotation_matrix(increment[:, 3:])
         return Configuration(self.position + increment[:, :3], turn @ self.orientation)
@@ -66,8 +66,8 @@ class Beam:
     """
 
     reference: Configuration
-    stiffness: Array
-    mass: Array
+    stiffness: AnyArray
+    mass: AnyArray
 
     @property
     def elements(self) -> int:
@@ -84,9 +84,9 @@ class Beam:
 class _Middle:
     """Kinematics at the middle of each element, in the element's mean section axes."""
 
-    axes: Array  # (n, 3, 3) mean section axes as columns
-    chord: Array  # (n, 3) from first to second node [m]
-    bend: Array  # (n, 3) relative rotation vector [rad]
+    axes: AnyArray  # (n, 3, 3) mean section axes as columns
+    chord: AnyArray  # (n, 3) from first to second node [m]
+    bend: AnyArray  # (n, 3) relative rotation vector [rad]
 
 
 def _middle(configuration: Configuration) -> _Middle:
@@ -97,22 +97,22 @@ def _middle(configuration: Configuration) -> _Middle:
     return _Middle(axes, chord, bend)
 
 
-def _lengths(beam: Beam) -> Array:
+def _lengths(beam: Beam) -> AnyArray:
     return np.linalg.norm(np.diff(beam.reference.position, axis=0), axis=1)
 
 
-def strains(beam: Beam, configuration: Configuration) -> Array:
+def strains(beam: Beam, configuration: Configuration) -> AnyArray:
     """Section strains (n, 6) at the middle of each element: axial, shear, twist rate, curvatures [1/m]."""
     return _strains(beam, _middle(configuration))
 
 
-def _strains(beam: Beam, now: _Middle) -> Array:
+def _strains(beam: Beam, now: _Middle) -> AnyArray:
     before = beam._unstrained
     change = np.concatenate([now.chord - before.chord, now.bend - before.bend], axis=1)
     return change / _lengths(beam)[:, None]
 
 
-def section_loads(beam: Beam, configuration: Configuration) -> Array:
+def section_loads(beam: Beam, configuration: Configuration) -> AnyArray:
     """Section forces [N] and moments [N m] (n, 6) at the middle of each element, in mean section axes."""
     return np.einsum("nij,nj->ni", beam.stiffness, strains(beam, configuration))
 
@@ -125,11 +125,11 @@ def strain_energy(beam: Beam, configuration: Configuration) -> float:
     return float(0.5 * energy)
 
 
-def _times(matrix: Array, vector: Array) -> Array:
+def _times(matrix: AnyArray, vector: AnyArray) -> AnyArray:
     return np.einsum("...ij,...j->...i", matrix, vector)
 
 
-def _rotation_operators(bend: Array) -> tuple[Array, Array]:
+def _rotation_operators(bend: AnyArray) -> tuple[AnyArray, AnyArray]:
     """H and b of each element: change of bend = H r, mean rotation = s - b bend x r (as in `tangent`)."""
     squared = np.sum(bend * bend, axis=-1)
     outer = bend[:, :, None] * bend[:, None, :]
@@ -139,7 +139,7 @@ def _rotation_operators(bend: Array) -> tuple[Array, Array]:
     return operator, even(SHEAR, squared)
 
 
-def _check_bend(bend: Array) -> None:
+def _check_bend(bend: AnyArray) -> None:
     worst = float(np.max(np.linalg.norm(np.real(bend), axis=-1)))
     if worst > LARGEST_RELATIVE_ROTATION:
         raise ValueError(
@@ -148,7 +148,7 @@ def _check_bend(bend: Array) -> None:
         )
 
 
-def internal_force(beam: Beam, configuration: Configuration) -> Array:
+def internal_force(beam: Beam, configuration: Configuration) -> AnyArray:
     """Elastic nodal forces [N] and moments [N m] (n + 1, 6) in S axes: the gradient of the strain energy."""
     middle = _middle(configuration)
     _check_bend(middle.bend)
@@ -164,7 +164,7 @@ def internal_force(beam: Beam, configuration: Configuration) -> Array:
     return nodal
 
 
-def tangent(beam: Beam, configuration: Configuration) -> Array:
+def tangent(beam: Beam, configuration: Configuration) -> AnyArray:
     """Stiffness (6(n + 1), 6(n + 1)): derivative of `internal_force` for displacements and spatial rotations.
 
     In closed form, material and geometric. With d, s, r the difference of displacement, the mean and the
@@ -182,7 +182,7 @@ def tangent(beam: Beam, configuration: Configuration) -> Array:
     return assembled.reshape(size, size)
 
 
-def _element_tangent(middle: _Middle, loads: Array, stiffness: Array, length: Array) -> Array:
+def _element_tangent(middle: _Middle, loads: AnyArray, stiffness: AnyArray, length: AnyArray) -> AnyArray:
     """Tangent (n, 12, 12) of each element, nodal displacement and rotation in S axes."""
     count, bend, chord = len(length), middle.bend, middle.chord
     force, moment = loads[:, :3], loads[:, 3:]
@@ -235,7 +235,7 @@ def _element_tangent(middle: _Middle, loads: Array, stiffness: Array, length: Ar
     return _to_nodes(rows, middle.axes)
 
 
-def _to_nodes(rows: Array, axes: Array) -> Array:
+def _to_nodes(rows: AnyArray, axes: AnyArray) -> AnyArray:
     """From columns (d, s, r) in mean section axes to nodal columns (u1, theta1, u2, theta2) in S axes."""
     d, s, r = rows[:, :, 0:3], rows[:, :, 3:6], rows[:, :, 6:9]
     local = np.concatenate([-d, 0.5 * s - r, d, 0.5 * s + r], axis=-1)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.core.fields import Quantity
 from flapgym.structure.beam import Beam, Configuration
 from flapgym.structure.body import LinearBlade, linearise
 from flapgym.structure.equilibrium import solve_equilibrium
 from flapgym.structure.inertia import distribution, section_mass
-from flapgym.structure.rotation import Array, about_y, about_z
+from flapgym.structure.rotation import about_y, about_z
 from flapgym.turbine import BladeSections, Turbine
 
 SHEAR_TO_AXIAL = 10.0
@@ -42,7 +43,7 @@ def blade_beam(turbine: Turbine, elements: int, pitch: float = 0.0) -> Beam:
     )
 
 
-def _stiffness(sections: BladeSections, node: int) -> Array:
+def _stiffness(sections: BladeSections, node: int) -> AnyArray:
     """6 x 6 stiffness in section axes; bending about the normal is edgewise, about the chord flapwise."""
     axial = sections.axial_stiffness[node]
     return np.diag(
@@ -57,7 +58,7 @@ def _stiffness(sections: BladeSections, node: int) -> Array:
     )
 
 
-def _mass(sections: BladeSections, node: int) -> Array:
+def _mass(sections: BladeSections, node: int) -> AnyArray:
     """6 x 6 mass in section axes; the rotary inertias are about the centre of gravity."""
     flap, edge = sections.flap_inertia[node], sections.edge_inertia[node]
     centre = np.array([0.0, 0.0, sections.centre_of_gravity_offset[node]])
@@ -69,7 +70,7 @@ def linear_blade(
     elements: int = 12,
     rotor_speed: float = 0.0,
     pitch: float = 0.0,
-    load: Array | None = None,
+    load: AnyArray | None = None,
     near: LinearBlade | None = None,
 ) -> LinearBlade:
     """Blade 1 linearised about its steady equilibrium under rotation (the paper's eq. 2).
@@ -99,7 +100,7 @@ def linear_blade(
     return linearise(beam, configuration, rotor_speed, load)
 
 
-def mean_gravity_load(turbine: Turbine, elements: int = 12) -> Array:
+def mean_gravity_load(turbine: Turbine, elements: int = 12) -> AnyArray:
     """Nodal loads (elements + 1, 6) [N, N m] in S axes of gravity's mean over a turn, for `linear_blade`.
 
     Only the part along the tilted shaft stays: g sin(tilt) downwind. The load is dead and taken on the undeformed

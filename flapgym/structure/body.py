@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.beam import Beam, Configuration, internal_force, tangent
 from flapgym.structure.inertia import distribution, linearise_inertia, steady_force
-from flapgym.structure.rotation import Array, hat
+from flapgym.structure.rotation import hat
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,29 +54,29 @@ class LinearBlade:
     """
 
     rotor_speed: float
-    position: Array
-    orientation: Array
-    mass: Array
-    damping: Array
-    stiffness: Array
-    mass_sr: Array
-    damping_sr: Array
-    mass_rs: Array
-    damping_rs: Array
-    stiffness_rs: Array
-    mass_rr: Array
-    damping_rr: Array
-    root_mass: Array
-    root_damping: Array
-    root_stiffness: Array
-    root_mass_sr: Array
-    root_damping_sr: Array
-    hub_load: Array
-    root_load: Array
+    position: AnyArray
+    orientation: AnyArray
+    mass: AnyArray
+    damping: AnyArray
+    stiffness: AnyArray
+    mass_sr: AnyArray
+    damping_sr: AnyArray
+    mass_rs: AnyArray
+    damping_rs: AnyArray
+    stiffness_rs: AnyArray
+    mass_rr: AnyArray
+    damping_rr: AnyArray
+    root_mass: AnyArray
+    root_damping: AnyArray
+    root_stiffness: AnyArray
+    root_mass_sr: AnyArray
+    root_damping_sr: AnyArray
+    hub_load: AnyArray
+    root_load: AnyArray
 
 
 def linearise(
-    beam: Beam, configuration: Configuration, rotor_speed: float, load: Array | None = None
+    beam: Beam, configuration: Configuration, rotor_speed: float, load: AnyArray | None = None
 ) -> LinearBlade:
     """Linear body about a steady configuration under rotation about +x; its first node is clamped.
 
@@ -116,7 +117,7 @@ def linearise(
     )
 
 
-def _about_origin(configuration: Configuration, nodal: Array) -> Array:
+def _about_origin(configuration: Configuration, nodal: AnyArray) -> AnyArray:
     """Resultant force and moment about the origin of S of nodal forces and moments (n + 1, 6)."""
     moments = nodal[:, 3:] + np.cross(configuration.position, nodal[:, :3])
     return np.concatenate([nodal[:, :3].sum(axis=0), moments.sum(axis=0)])

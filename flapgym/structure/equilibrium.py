@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.core.fields import Count
 from flapgym.structure.beam import Beam, Configuration, internal_force, tangent
 from flapgym.structure.inertia import distribution, linearise_inertia, steady_force
-from flapgym.structure.rotation import Array, hat
+from flapgym.structure.rotation import hat
 
 MAX_ITERATIONS = 60
 TOLERANCE = 1e-13
@@ -21,9 +22,9 @@ class EquilibriumError(RuntimeError):
 
 def solve_equilibrium(
     beam: Beam,
-    rotation: Array | None = None,
-    load: Array | None = None,
-    follower_load: Array | None = None,
+    rotation: AnyArray | None = None,
+    load: AnyArray | None = None,
+    follower_load: AnyArray | None = None,
     load_steps: int = 1,
     start: Configuration | None = None,
 ) -> Configuration:
@@ -81,11 +82,11 @@ def solve_equilibrium(
 
 def _newton(
     beam: Beam,
-    inertia: Array,
+    inertia: AnyArray,
     configuration: Configuration,
-    rotation: Array,
-    load: Array,
-    follower: Array,
+    rotation: AnyArray,
+    load: AnyArray,
+    follower: AnyArray,
     where: str,
 ) -> Configuration:
     """Newton's method on one load step; ends on the increment (a residual stalls because EA is large)."""
@@ -117,7 +118,7 @@ def _newton(
     )
 
 
-def _follow(configuration: Configuration, follower: Array) -> tuple[Array, Array]:
+def _follow(configuration: Configuration, follower: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Follower loads in S axes (n + 1, 6) and their derivative (N, N) for spatial nodal rotations."""
     nodes = len(follower)
     parts = follower.reshape(nodes, 2, 3)

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.beam import Beam, Configuration
-from flapgym.structure.rotation import Array, hat
+from flapgym.structure.rotation import hat
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,19 +27,19 @@ class InertiaMatrices:
     velocities of S in its own axes [m/s, rad/s].
     """
 
-    mass: Array  # (N, N)
-    damping: Array  # (N, N) gyroscopic
-    stiffness: Array  # (N, N) centrifugal
-    mass_sr: Array  # (N, 6)
-    damping_sr: Array  # (N, 6)
-    mass_rs: Array  # (6, N)
-    damping_rs: Array  # (6, N)
-    stiffness_rs: Array  # (6, N)
-    mass_rr: Array  # (6, 6)
-    damping_rr: Array  # (6, 6)
+    mass: AnyArray  # (N, N)
+    damping: AnyArray  # (N, N) gyroscopic
+    stiffness: AnyArray  # (N, N) centrifugal
+    mass_sr: AnyArray  # (N, 6)
+    damping_sr: AnyArray  # (N, 6)
+    mass_rs: AnyArray  # (6, N)
+    damping_rs: AnyArray  # (6, N)
+    stiffness_rs: AnyArray  # (6, N)
+    mass_rr: AnyArray  # (6, 6)
+    damping_rr: AnyArray  # (6, 6)
 
 
-def section_distribution(mass: Array) -> Array:
+def section_distribution(mass: AnyArray) -> AnyArray:
     """Second moments of mass (..., 4, 4) over (1, section coordinates) from the 6 x 6 section mass.
 
     Of the momentum matrix [[m, -m c~], [m c~, J]] this is [[m, m c], [m c, tr(J) / 2 - J]].
@@ -53,7 +54,7 @@ def section_distribution(mass: Array) -> Array:
     return out
 
 
-def section_mass(density: float, centre: Array, rotary: Array) -> Array:
+def section_mass(density: float, centre: AnyArray, rotary: AnyArray) -> AnyArray:
     """6 x 6 section mass from mass [kg/m], its centre (3,) [m] and rotary inertia about it (3, 3) [kg m]."""
     offset = hat(centre)
     return np.block(
@@ -64,7 +65,7 @@ def section_mass(density: float, centre: Array, rotary: Array) -> Array:
     )
 
 
-def distribution(beam: Beam) -> Array:
+def distribution(beam: Beam) -> AnyArray:
     """Quadratic form of the kinetic energy (4(n + 1), 4(n + 1)) over nodal positions and directors."""
     lengths = np.linalg.norm(np.diff(beam.reference.position, axis=0), axis=1)
     weighted = lengths[:, None, None] * section_distribution(beam.mass)
@@ -79,13 +80,13 @@ def distribution(beam: Beam) -> Array:
     return out.reshape(4 * size, 4 * size)
 
 
-def _points(configuration: Configuration) -> Array:
+def _points(configuration: Configuration) -> AnyArray:
     """Node positions and directors (4(n + 1), 3)."""
     directors = np.swapaxes(configuration.orientation, -1, -2)
     return np.concatenate([configuration.position[:, None], directors], axis=1).reshape(-1, 3)
 
 
-def _nodal_motion(configuration: Configuration) -> Array:
+def _nodal_motion(configuration: Configuration) -> AnyArray:
     """Velocity of positions and directors per nodal velocity, (4(n + 1), 3, 6(n + 1))."""
     nodes = len(configuration.position)
     out = np.zeros((nodes, 4, 3, nodes, 6))
@@ -96,7 +97,7 @@ def _nodal_motion(configuration: Configuration) -> Array:
     return out.reshape(4 * nodes, 3, 6 * nodes)
 
 
-def _rigid_motion(configuration: Configuration) -> Array:
+def _rigid_motion(configuration: Configuration) -> AnyArray:
     """Velocity of positions and directors per velocity (v, omega) of S, (4(n + 1), 3, 6)."""
     points = _points(configuration)
     out = np.zeros((len(points), 3, 6))
@@ -105,7 +106,7 @@ def _rigid_motion(configuration: Configuration) -> Array:
     return out
 
 
-def steady_force(distribution: Array, configuration: Configuration, rotation: Array) -> Array:
+def steady_force(distribution: AnyArray, configuration: Configuration, rotation: AnyArray) -> AnyArray:
     """Inertial nodal forces and moments (n + 1, 6) in S axes under constant `rotation` (3,) [rad/s].
 
     They stand on the left of the equation of motion: the centrifugal load is their negative.
@@ -115,14 +116,16 @@ def steady_force(distribution: Array, configuration: Configuration, rotation: Ar
     return np.einsum("pia,pi->a", _nodal_motion(configuration), momentum_rate).reshape(-1, 6)
 
 
-def linearise_inertia(distribution: Array, configuration: Configuration, rotation: Array) -> InertiaMatrices:
+def linearise_inertia(
+    distribution: AnyArray, configuration: Configuration, rotation: AnyArray
+) -> InertiaMatrices:
     """Inertia matrices about a configuration at rest in S, which turns at `rotation` (3,) [rad/s]."""
     spin = hat(rotation)
     nodal, rigid = _nodal_motion(configuration), _rigid_motion(configuration)
     carried = np.kron(np.eye(2), spin)
     identity = np.eye(3)
 
-    def project(left: Array, operator: Array, right: Array) -> Array:
+    def project(left: AnyArray, operator: AnyArray, right: AnyArray) -> AnyArray:
         driven = np.einsum("ij,pjb->pib", operator, right)
         weighted = np.tensordot(distribution, driven, axes=1)
         return np.tensordot(left, weighted, axes=((0, 1), (0, 1)))
@@ -145,7 +148,7 @@ def linearise_inertia(distribution: Array, configuration: Configuration, rotatio
     )
 
 
-def _turned_moments(configuration: Configuration, momentum_rate: Array) -> Array:
+def _turned_moments(configuration: Configuration, momentum_rate: AnyArray) -> AnyArray:
     """Change of the nodal moments (N, N) when directors turn under a rate of momentum (4(n + 1), 3)."""
     nodes = len(configuration.position)
     directors = np.swapaxes(configuration.orientation, -1, -2)

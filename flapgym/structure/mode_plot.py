@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.core.atomic import write_picture
 from flapgym.structure.blade import blade_beam
 from flapgym.structure.modes import Mode, named_modes
-from flapgym.structure.rotation import Array, about_x
+from flapgym.structure.rotation import about_x
 from flapgym.structure.support import LinearSupport, linear_support
 from flapgym.turbine import Turbine
 
@@ -20,7 +21,7 @@ MARGIN = 0.03
 """Room left about the turbine in all its modes, over the rotor radius."""
 
 
-def turbine_lines(turbine: Turbine, elements: int, mode: Mode | None = None) -> list[Array]:
+def turbine_lines(turbine: Turbine, elements: int, mode: Mode | None = None) -> list[AnyArray]:
     """Tower, shaft and blades as lines (points, 3) [m] in the tower frame, at rest or swung out in a parked mode."""
     support, reference = linear_support(turbine), blade_beam(turbine, elements).reference
     size = 6 * elements
@@ -42,12 +43,12 @@ def turbine_lines(turbine: Turbine, elements: int, mode: Mode | None = None) -> 
     return [line + scale * move for line, move in zip(lines, moves, strict=True)]
 
 
-def _tower_motion(support: LinearSupport, shape: Array) -> Array:
+def _tower_motion(support: LinearSupport, shape: AnyArray) -> AnyArray:
     free = shape[: 6 * (len(support.tower_position) - 1)].reshape(-1, 6)[:, :3]
     return np.vstack([np.zeros(3), free])
 
 
-def box(turbine: Turbine, lines: list[Array]) -> Array:
+def box(turbine: Turbine, lines: list[AnyArray]) -> AnyArray:
     """Least and largest x, y and z, (2, 3) [m], of a box that holds the lines and stands on the ground."""
     points, room = np.vstack(lines), MARGIN * turbine.rotor.radius
     ends = np.array([points.min(axis=0) - room, points.max(axis=0) + room])

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
+from flapgym.core.arrays import AnyArray
 from flapgym.structure.assembly import parked_modes
 from flapgym.structure.beam import tangent
 from flapgym.structure.blade import linear_blade
 from flapgym.structure.body import LinearBlade
 from flapgym.structure.rotating import component_weights, rotating_modes
-from flapgym.structure.rotation import Array
 from flapgym.structure.support import linear_support, tower_beam
 from flapgym.turbine import Turbine, load_turbine
 
@@ -92,19 +92,19 @@ class Mode:
 
     name: str
     frequency: float
-    shape: Array
+    shape: AnyArray
 
 
 @dataclass(frozen=True, eq=False)
 class _Shares:
     """Share of each mode's elastic energy (count,) by part; blade modes (3, count) by component across the rotor."""
 
-    fore_aft: Array
-    side_to_side: Array
-    shaft: Array
-    flap_1: Array
-    edge_1: Array
-    flap_2: Array
+    fore_aft: AnyArray
+    side_to_side: AnyArray
+    shaft: AnyArray
+    flap_1: AnyArray
+    edge_1: AnyArray
+    flap_2: AnyArray
 
 
 def named_modes(turbine: Turbine, elements: int = 12, rotor_speed: float = 0.0) -> list[Mode]:
@@ -136,14 +136,16 @@ def named_modes(turbine: Turbine, elements: int = 12, rotor_speed: float = 0.0) 
     return [Mode(name, float(frequencies[k]), shapes[:, k]) for name, k in names.items()]
 
 
-def _energy_shares(turbine: Turbine, blade: LinearBlade, components: Array, support_shapes: Array) -> _Shares:
+def _energy_shares(
+    turbine: Turbine, blade: LinearBlade, components: AnyArray, support_shapes: AnyArray
+) -> _Shares:
     """Elastic energy by part; each blade's motion is measured by the modes of the clamped, parked blade."""
     support, tower = linear_support(turbine), tower_beam(turbine)
     stiffness = tangent(tower, tower.reference)[6:, 6:]
     motion = support_shapes[: 6 * tower.elements]
     direction = np.arange(6 * tower.elements) % 6
 
-    def tower_energy(kinds: tuple[int, ...]) -> Array:
+    def tower_energy(kinds: tuple[int, ...]) -> AnyArray:
         part = np.where(np.isin(direction, kinds)[:, None], motion, 0.0)
         return np.einsum("ik,ij,jk->k", part.conj(), stiffness, part).real
 

@@ -12,18 +12,16 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigs
 
+from flapgym.core.arrays import BLADES, AnyArray
 from flapgym.core.fields import Count, Quantity
 from flapgym.structure.assembly import assemble
 from flapgym.structure.blade import linear_blade
 from flapgym.structure.body import LinearBlade
-from flapgym.structure.rotation import Array
 from flapgym.structure.support import LinearSupport, linear_support
 from flapgym.turbine import Turbine
 
-BLADES = 3
 
-
-def component_weights(azimuth: float) -> Array:
+def component_weights(azimuth: float) -> AnyArray:
     """Weights (3 blades, 3 components) of the collective, cosine and sine components at a rotor azimuth [rad]."""
     angle = azimuth + 2.0 * np.pi * np.arange(BLADES) / BLADES
     ones = np.full(BLADES, np.sqrt(0.5))
@@ -32,7 +30,7 @@ def component_weights(azimuth: float) -> Array:
 
 def multi_blade_matrices(
     blades: Sequence[LinearBlade], support: LinearSupport, azimuth: float = 0.0
-) -> tuple[Array, Array, Array]:
+) -> tuple[AnyArray, AnyArray, AnyArray]:
     """M, C, K of the turbine in multi-blade coordinates, evaluated at one rotor azimuth [rad].
 
     Unknowns: the components q_0, q_c, q_s (6n each), then the support's. The same at every azimuth when the
@@ -46,7 +44,7 @@ def multi_blade_matrices(
     # With T the weights, T' = T J and T'' = T J J for constant speed.
     turning = speed * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
-    def extend(block: Array, corner: Array) -> Array:
+    def extend(block: AnyArray, corner: AnyArray) -> AnyArray:
         out = np.zeros((BLADES * size + rest, BLADES * size + rest))
         out[: BLADES * size, : BLADES * size] = np.kron(block, np.eye(size))
         out[BLADES * size :, BLADES * size :] = corner
@@ -60,7 +58,7 @@ def multi_blade_matrices(
 
 def rotating_modes(
     turbine: Turbine, elements: int, rotor_speed: float, count: int = 24, around: float = 1.9
-) -> tuple[Array, Array]:
+) -> tuple[AnyArray, AnyArray]:
     """Undamped frequencies [Hz], ascending, and shapes in multi-blade coordinates of the turning turbine.
 
     Of the `count` eigenvalues nearest to `around` [Hz] in the fixed frame, found by shift and invert, those that
@@ -79,7 +77,7 @@ def rotating_modes(
     size, shift = len(mass), 2j * np.pi * around
     inverse = np.linalg.inv(shift**2 * mass + shift * damping + stiffness)
 
-    def solve(vector: Array) -> Array:
+    def solve(vector: AnyArray) -> AnyArray:
         """Apply (A - shift)^-1 of the first-order form with state (q, q')."""
         position, velocity = vector[:size], vector[size:]
         found = -inverse @ (mass @ (velocity + shift * position) + damping @ position)

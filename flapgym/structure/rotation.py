@@ -6,14 +6,11 @@ branches at zero rotation and a complex step passes through unharmed.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
-from numpy.typing import NDArray
 from scipy.special import zeta
 
-Array = NDArray[Any]
+from flapgym.core.arrays import AnyArray
 
 # Coefficients in w = |psi|^2 of the even functions of the relative rotation psi of two neighbouring nodes:
 #   stretch(w) = x / sin x, x = |psi| / 2;  shear(w) = tan(|psi| / 4) / (2 |psi|);
@@ -33,26 +30,26 @@ LARGEST_RELATIVE_ROTATION = 3.0
 """Largest rotation between the two nodes of one element [rad]; more needs more elements."""
 
 
-def hat(vector: Array) -> Array:
+def hat(vector: AnyArray) -> AnyArray:
     """Skew matrix of the cross product, (..., 3) -> (..., 3, 3): hat(a) b = a x b."""
     out = np.zeros((*vector.shape, 3), dtype=vector.dtype)
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -vector[..., 2], vector[..., 1], -vector[..., 0]
     return out - np.swapaxes(out, -1, -2)
 
 
-def cross(one: Array, other: Array) -> Array:
+def cross(one: AnyArray, other: AnyArray) -> AnyArray:
     """Cross product (..., 3) along the last axis, twenty times as quick as numpy's for the few vectors of a beam."""
     return one.take(_NEXT, -1) * other.take(_LAST, -1) - one.take(_LAST, -1) * other.take(_NEXT, -1)
 
 
-def rotation_matrix(vector: Array) -> Array:
+def rotation_matrix(vector: AnyArray) -> AnyArray:
     """Rotation matrix of a Cartesian rotation vector [rad], (..., 3) -> (..., 3, 3)."""
     angle = np.sqrt(np.sum(vector * vector, axis=-1))[..., None, None]
     skew = hat(vector)
     return np.eye(3) + np.sinc(angle / np.pi) * skew + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (skew @ skew)
 
 
-def rotation_vector(matrix: Array) -> Array:
+def rotation_vector(matrix: AnyArray) -> AnyArray:
     """Cartesian rotation vector [rad] of a rotation matrix, (..., 3, 3) -> (..., 3); angles below pi."""
     axis_sine = 0.5 * np.stack(
         [
@@ -72,27 +69,27 @@ def rotation_vector(matrix: Array) -> Array:
     return ((1.0 + tangent_squared) * arc)[..., None] * axis_sine
 
 
-def about_x(angle: float) -> Array:
+def about_x(angle: float) -> AnyArray:
     """Rotation matrix about the x axis [rad]."""
     return rotation_matrix(np.array([angle, 0.0, 0.0]))
 
 
-def about_y(angle: float) -> Array:
+def about_y(angle: float) -> AnyArray:
     """Rotation matrix about the y axis [rad]."""
     return rotation_matrix(np.array([0.0, angle, 0.0]))
 
 
-def about_z(angle: float) -> Array:
+def about_z(angle: float) -> AnyArray:
     """Rotation matrix about the z axis [rad]."""
     return rotation_matrix(np.array([0.0, 0.0, angle]))
 
 
-def even(coefficients: Array, squared_angle: Array) -> Array:
+def even(coefficients: AnyArray, squared_angle: AnyArray) -> AnyArray:
     """Value of an even function given by its coefficients in the squared angle."""
     return np.asarray(polyval(squared_angle, coefficients))
 
 
-def rigid_displacement(point: Array) -> Array:
+def rigid_displacement(point: AnyArray) -> AnyArray:
     """Displacement (3 p, 6) of points (p, 3) per unit translation and small rotation about the origin."""
     moves = np.broadcast_to(np.eye(3), (len(point), 3, 3))
     return np.concatenate([moves, -hat(point)], axis=2).reshape(-1, 6)

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flapgym.core.arrays import AnyArray
 from flapgym.core.fields import Quantity
 from flapgym.structure.beam import Beam, Configuration, tangent
 from flapgym.structure.blade import SHEAR_TO_AXIAL
 from flapgym.structure.inertia import distribution, linearise_inertia, section_mass
-from flapgym.structure.rotation import Array, about_y, hat, rigid_displacement
+from flapgym.structure.rotation import about_y, hat, rigid_displacement
 from flapgym.turbine import Turbine
 
 SHAFT_AXIAL_STIFFNESS = 1e13
@@ -44,14 +45,14 @@ class LinearSupport:
         Tower nodes, the base first [m].
     """
 
-    mass: Array
-    damping: Array
-    stiffness: Array
-    hub: Array
-    tower_top: Array
-    apex: Array
-    shaft_axes: Array
-    tower_position: Array
+    mass: AnyArray
+    damping: AnyArray
+    stiffness: AnyArray
+    hub: AnyArray
+    tower_top: AnyArray
+    apex: AnyArray
+    shaft_axes: AnyArray
+    tower_position: AnyArray
 
 
 def tower_beam(turbine: Turbine) -> Beam:
@@ -153,5 +154,5 @@ def linear_support(turbine: Turbine, rotor_speed: float = 0.0) -> LinearSupport:
     )
 
 
-def _at_rest_mass(beam: Beam) -> Array:
+def _at_rest_mass(beam: Beam) -> AnyArray:
     return linearise_inertia(distribution(beam), beam.reference, np.zeros(3)).mass

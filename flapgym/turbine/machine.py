@@ -8,7 +8,8 @@ from typing import Annotated
 
 import numpy as np
 
-from flapgym.core.fields import Array, Column, Count, Quantity, Text, TextColumn, check_fields, to_plain
+from flapgym.core.arrays import Array
+from flapgym.core.fields import Column, Count, Quantity, Text, TextColumn, check_fields, to_plain
 from flapgym.core.units import DEGREE
 
 _Length = Annotated[float, Quantity("length", above=0.0)]

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.core.wording import number, shown
 from flapgym.wind.recording import WindSeries, read_wind
 

@@ -28,8 +28,8 @@ from datetime import datetime
 
 import numpy as np
 
+from flapgym.core.arrays import Array
 from flapgym.core.files import MEGABYTE, read_text
-from flapgym.core.state_space import Array
 from flapgym.core.units import unit_size
 from flapgym.core.wording import one_line, shown
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 
 PEAK_ACCELERATION, PEAK_RATE = 0.30, 0.35
 """Of a way of length one behind three equal poles of one, (2 - sqrt 2) exp(sqrt 2 - 2) / sqrt 2 = 0.231 and 2 / e^2 =

@@ -20,12 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.control import load_agent
 from flapgym.control.agent import Agent, Floats, check_time_step
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import BLADES, Array
 from flapgym.core.wording import shown
 from flapgym.envs.fleet import numbers, read_entry
 from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
 from flapgym.envs.spec import plain
-from flapgym.model.multiblade import BLADES
 from flapgym.plant.states import checked_numbers, checked_observation
 from flapgym.wind.gusts import is_number
 from flapgym.wrappers.servo import Servo

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.control import Agent
-from flapgym.core.state_space import Array
+from flapgym.core.arrays import Array
 from flapgym.envs.fleet import each_of, read_entry, true_or_false
 from flapgym.envs.vector import checked_mask
 from flapgym.plant.states import checked_numbers

@@ -229,7 +229,7 @@ def test_an_argument_without_meaning_is_refused_by_name(call, text):
 
 
 ELSEWHERE = {
-    "tests/aeroelastic/test_model_file.py": ("builtin_models", "load_model", "save_model"),
+    "tests/model/test_model_file.py": ("builtin_models", "load_model", "save_model"),
     "tests/control/test_agents.py": ("agent_design", "load_agent", "save_agent"),
     "tests/control/test_time_step.py": ("balance", "design_model", "relative_error"),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
@@ -242,7 +242,7 @@ ELSEWHERE = {
         "summed_damage_load",
     ),
     "tests/turbine/test_files.py": ("load_case", "load_turbine"),
-    "tests/turbulence/test_gusts.py": ("gust_of",),
+    "tests/wind/test_gusts.py": ("gust_of",),
 }
 """Functions whose refusals have a test of their own."""
 CHECKED_ALREADY = {
@@ -255,7 +255,7 @@ CHECKED_ALREADY = {
 @pytest.mark.parametrize(
     "package",
     [
-        "aeroelastic",
+        "model",
         "control",
         "envs",
         "evaluation",
@@ -263,7 +263,7 @@ CHECKED_ALREADY = {
         "reduction",
         "structure",
         "turbine",
-        "turbulence",
+        "wind",
     ],
 )
 def test_every_exported_function_is_among_those_whose_refusals_are_tested(package):

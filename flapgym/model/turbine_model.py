@@ -186,7 +186,7 @@ class TurbineModel:
 
 def builtin_models() -> list[str]:
     """Names of the models shipped in the package."""
-    folder = resources.files("flapgym.aeroelastic") / "data"
+    folder = resources.files("flapgym.model") / "data"
     return sorted(
         item.name.removesuffix(".safetensors")
         for item in folder.iterdir()
@@ -307,7 +307,7 @@ def _system(name: str, header: Mapping[str, Any], tensors: Mapping[str, Array]) 
 
 
 def _find(name: str | os.PathLike[str]) -> Path:
-    shipped = Path(str(resources.files("flapgym.aeroelastic") / "data" / f"{name}.safetensors"))
+    shipped = Path(str(resources.files("flapgym.model") / "data" / f"{name}.safetensors"))
     path = shipped if str(name) in builtin_models() else Path(name)
     try:
         return regular_file(path, LARGEST)

@@ -7,179 +7,138 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flapgym.core.arrays import Array
-from flapgym.core.fields import Count, PerBlade, Quantity
-from flapgym.plant.layout import TOUCH
+from flapgym.core.arrays import BLADES, Array
 
-FEW = 16
-"""Number of flaps at a stop up to which they are stepped one by one."""
+TOUCH = 1e-12
+"""Of the angle stop: a flap that is nearer to it, and goes on toward it, is at it. Commands at their bounds bring flaps
+back to the very stop, and round-off must not decide whether they meet it."""
 
 
 @dataclass(frozen=True)
 class Faults:
-    """What the flaps of blades 1 to 3 suffer from; the default is nothing.
+    """What the flaps suffer from; the default is nothing. One entry a blade holds for all flaps of that blade.
 
     Parameters
     ----------
-    effectiveness : (3,) float
-        Factor on what a flap does to the air: 1 for a sound one, 0 for one that floats, aligned with the flow.
-    stuck : (3,) float or None
+    effectiveness : tuple of float
+        Factor on what a flap does to the air, blade by blade and on each blade flap by flap: 1 for a sound one, 0 for
+        one that floats, aligned with the flow.
+    stuck : tuple of float or None
         Angle [rad] at which a flap is stuck, its commands ignored; None for one that moves.
     lag : float
         Time constant [s] of a first-order lag between the commanded acceleration and the one that acts; 0 for none.
     """
 
-    effectiveness: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    stuck: tuple[float | None, float | None, float | None] = (None, None, None)
+    effectiveness: tuple[float, ...] = (1.0,) * BLADES
+    stuck: tuple[float | None, ...] = (None,) * BLADES
     lag: float = 0.0
 
-    def __post_init__(self) -> None:
-        PerBlade("number").check(self.effectiveness, "faults.effectiveness")
-        PerBlade("angle").check([value or 0.0 for value in self.stuck], "faults.stuck")
-        Quantity("time", at_least=0.0).check(self.lag, "faults.lag")
+    def on(self, blades: int, flaps: int) -> tuple[Array, Array]:
+        """Effectiveness, and angle where stuck (NaN for a flap that moves), each (blades flaps,).
 
-    @cached_property
-    def held(self) -> NDArray[np.bool_]:
-        """(3,) which flaps are stuck."""
-        return np.array([value is not None for value in self.stuck])
-
-    @cached_property
-    def held_angle(self) -> Array:
-        """(3,) where they are [rad]; zero for the others."""
-        return np.array([value or 0.0 for value in self.stuck])
+        Raises
+        ------
+        ValueError
+            If there is neither one entry for each blade of the rotor nor one for each flap.
+        """
+        return (
+            _for_each("flap_effectiveness", self.effectiveness, blades, flaps),
+            _for_each("stuck_flaps", [math.nan if one is None else one for one in self.stuck], blades, flaps),
+        )
 
 
-@dataclass(frozen=True)
-class Actuator:
-    """Angle and rate of a flap over the steps of one action, during which its command c is held.
+def _for_each(name: str, values: Any, blades: int, flaps: int) -> Array:
+    given = np.array(values, dtype=float)
+    if given.size not in (BLADES, BLADES * flaps):
+        raise ValueError(
+            f"{name}: expected {BLADES} entries, one a blade, or {BLADES * flaps}, one a flap, got {given.size}"
+        )
+    return np.repeat(given, BLADES * flaps // given.size)[: blades * flaps]
 
-    lagged' = c + (lagged - c) exp(-dt / lag), rate' = clip(rate + change, +-rate_limit) with the exact change of
-    the lagged acceleration's integral (c dt without a lag), angle' = angle + dt / 2 (rate + rate'), clipped at
-    +-angle_limit, where the stop zeroes the rate that points into it. Without a lag exact as long as no stop is
-    met; at a stop the trapezoid cuts one step short.
+
+def flap_step(angle, rate, acceleration, time_step, angle_limit, rate_limit):  # type: ignore[no-untyped-def]
+    """The stop rule: one plant step of a flap under an acceleration. Arrays and numbers alike; compiled as it is.
+
+    rate' = clip(rate + acceleration dt, +-rate_limit), angle' = angle + dt / 2 (rate + rate') clipped at
+    +-angle_limit, where the stop zeroes the rate that points into it. Exact as long as no stop is met; at a stop the
+    trapezoid cuts one step short.
 
     Parameters
     ----------
-    angle_limit, rate_limit : float
-        Stops of the angle [rad] and of the rate [rad/s].
-    time_step : float
-        Sampling time dt [s].
-    steps : int
-        Plant steps k per action.
-    lag : float
-        Time constant [s].
+    angle, rate, acceleration : float
+        [rad, rad/s, rad/s^2].
+    time_step, angle_limit, rate_limit : float
+        [s, rad, rad/s].
+
+    Returns
+    -------
+    angle, rate : float
+        At the end of the step.
+    lost : float
+        Rate that a stop took away [rad/s].
+    jump : float
+        By how much the angle is off the trapezoid of the two rates [rad].
+    met : bool
+        Whether a stop was met.
     """
+    wanted = rate + acceleration * time_step
+    reached = np.minimum(np.maximum(wanted, -rate_limit), rate_limit)
+    going = angle + 0.5 * time_step * (rate + reached)
+    into_stop = (np.abs(going) > angle_limit * (1.0 - TOUCH)) & (going * reached > 0.0)
+    inside = np.minimum(np.maximum(going, -angle_limit), angle_limit)
+    # Exactly the stop: what is added is the difference of two neighbours.
+    moved = inside + into_stop * (np.copysign(angle_limit, going) - inside)
+    after = reached - into_stop * reached
+    off = (going != inside) | into_stop
+    # Zero, and not round-off, where nothing was in the way.
+    jump = off * (moved - (angle + 0.5 * time_step * (rate + after)))
+    return moved, after, after - wanted, jump, off | (wanted != reached)
 
-    angle_limit: float
-    rate_limit: float
-    time_step: float
-    steps: int
-    lag: float = 0.0
 
-    def __post_init__(self) -> None:
-        for name in ("angle_limit", "rate_limit", "time_step"):
-            Quantity("number", above=0.0).check(getattr(self, name), f"actuator.{name}")
-        Count(at_least=1).check(self.steps, "actuator.steps")
-        Quantity("time", at_least=0.0).check(self.lag, "actuator.lag")
+def lag_constants(time_step: float, lag: float) -> tuple[float, float]:
+    """What a step leaves of the difference between lagged acceleration and command, and its mean over the step.
 
-    @cached_property
-    def decay(self) -> float:
-        """What a step leaves of the difference between lagged acceleration and command."""
-        return math.exp(-self.time_step / self.lag) if self.lag > 0.0 else 0.0
+    Parameters
+    ----------
+    time_step, lag : float
+        Step and time constant [s]; without a lag both are zero.
+    """
+    if lag == 0.0:
+        return 0.0, 0.0
+    decay = math.exp(-time_step / lag)
+    return decay, (1.0 - decay) * lag / time_step
 
-    @cached_property
-    def gain(self) -> float:
-        """Mean of that difference over a step, per unit at its start."""
-        return (1.0 - self.decay) * self.lag / self.time_step if self.lag > 0.0 else 0.0
 
-    @cached_property
-    def free(self) -> Array:
-        """Motion without stops, (2 (k + 1), 4): angle and rate of samples 0..k, from (angle, rate, lagged, c)."""
-        dt, angle, rate, lagged, command = self.time_step, *np.eye(4)
-        rows = [angle, rate]
-        for _ in range(self.steps):
-            reached = rate + dt * (command + self.gain * (lagged - command))
-            angle, rate = angle + 0.5 * dt * (rate + reached), reached
-            lagged = command + self.decay * (lagged - command)
-            rows += [angle, rate]
-        return np.array(rows)
+def free_motion(steps: int, time_step: float, lag: float) -> Array:
+    """Motion without stops, (2 (k + 1), kinds): angle and rate of samples 0..k.
 
-    @cached_property
-    def _limits(self) -> Array:
-        """The stop that belongs to each row of the motion, (2 (k + 1), 1)."""
-        return np.tile([self.angle_limit, self.rate_limit], self.steps + 1)[:, None]
+    From angle, rate and command at the start, and where there is a lag from the lagged acceleration behind them: the
+    command is held for all k steps.
+    """
+    decay, gain = lag_constants(time_step, lag)
+    angle, rate, command, lagged = np.eye(4)
+    rows = [angle, rate]
+    for _ in range(steps):
+        reached = rate + time_step * (command + gain * (lagged - command))
+        angle, rate = angle + 0.5 * time_step * (rate + reached), reached
+        lagged = command + decay * (lagged - command)
+        rows += [angle, rate]
+    return np.array(rows)[:, : 4 if lag > 0.0 else 3]
 
-    def move(self, start: Array) -> tuple[Array, NDArray[np.bool_] | None]:
-        """Motion of the flaps over one action.
 
-        Parameters
-        ----------
-        start : (n, 4, blades) float
-            Angle [rad], rate [rad/s] and lagged acceleration [rad/s^2] at the start, and the held command [rad/s^2].
+def deviations(steps: int, time_step: float) -> Array:
+    """What stops do to the motion, (2 (k + 1), 2 k): angle and rate of samples 0..k.
 
-        Returns
-        -------
-        motion : (n, 2 (k + 1), blades) float
-            Angle and rate at sample 0, angle and rate at sample 1, and so on to sample k.
-        stopped : (n, blades) bool or None
-            Flaps that met a stop; None if none did, which is the cheap and the usual case.
-        """
-        motion = self.free @ start
-        near = np.asarray((np.abs(motion) > self._limits * (1.0 - TOUCH)).any(axis=1))
-        if not near.any():
-            return motion, None
-        turbine, blade = np.nonzero(near)
-        march = self._march_singly if turbine.size <= FEW else self._march_together
-        stopped = np.zeros(near.shape, dtype=bool)
-        motion[turbine, :, blade], stopped[turbine, blade] = march(start[turbine, :, blade])
-        return motion, stopped
-
-    def lagged(self, start: Array) -> Array:
-        """Lagged acceleration (n, blades) at the end of the action."""
-        return start[:, 3] + self.decay**self.steps * (start[:, 2] - start[:, 3])
-
-    def _march_together(self, start: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Step by step with the stops: starts (m, 4), motion (m, 2 (k + 1)), and who met one (m,)."""
-        angle, rate, lagged, command = start.T
-        motion, stopped = np.empty((angle.size, self.steps + 1, 2)), np.zeros(angle.size, dtype=bool)
-        motion[:, 0, 0], motion[:, 0, 1] = angle, rate
-        inner = self.angle_limit * (1.0 - TOUCH)
-        for step in range(1, self.steps + 1):
-            wanted = rate + (command + (lagged - command) * self.gain) * self.time_step
-            lagged = command + (lagged - command) * self.decay
-            reached = np.minimum(np.maximum(wanted, -self.rate_limit), self.rate_limit)
-            going = angle + 0.5 * self.time_step * (rate + reached)
-            into_stop = (np.abs(going) > inner) & (going * reached > 0.0)
-            angle = np.minimum(np.maximum(going, -self.angle_limit), self.angle_limit)
-            stopped |= into_stop | (wanted != reached) | (going != angle)
-            angle = np.where(into_stop, np.copysign(self.angle_limit, going), angle)
-            rate = np.where(into_stop, 0.0, reached)
-            motion[:, step, 0], motion[:, step, 1] = angle, rate
-        return motion.reshape(angle.size, -1), stopped
-
-    def _march_singly(self, start: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The same, bit for bit, one flap at a time: for a few flaps plain floats are ten times as fast."""
-        top_angle, top_rate, dt = self.angle_limit, self.rate_limit, self.time_step
-        inner = top_angle * (1.0 - TOUCH)
-        motion, stopped = [], []
-        for angle, rate, lagged, command in start.tolist():
-            path, met = [angle, rate], False
-            for _ in range(self.steps):
-                wanted = rate + (command + (lagged - command) * self.gain) * dt
-                reached = min(max(wanted, -top_rate), top_rate)
-                lagged = command + (lagged - command) * self.decay
-                going = angle + 0.5 * dt * (rate + reached)
-                angle, rate = min(max(going, -top_angle), top_angle), reached
-                into_stop = abs(going) > inner and going * reached > 0.0
-                met |= into_stop or wanted != reached or going != angle
-                if into_stop:
-                    angle, rate = math.copysign(top_angle, going), 0.0
-                path += [angle, rate]
-            motion.append(path)
-            stopped.append(met)
-        return np.array(motion), np.array(stopped)
+    From the rate lost in each of the steps 1..k and then the jump of the angle in each.
+    """
+    motion = np.zeros((steps + 1, 2, 2, steps))
+    for step in range(steps):
+        behind = np.arange(steps - step)
+        motion[step + 1 :, 0, 0, step] = time_step * (0.5 + behind)
+        motion[step + 1 :, 1, 0, step] = 1.0
+        motion[step + 1 :, 0, 1, step] = 1.0
+    return motion.reshape(2 * (steps + 1), 2 * steps)

@@ -27,7 +27,7 @@ BLOCK_STEPS = 64
 
 
 def disturbance_system(model: TurbineModel, length_scale: float) -> StateSpace:
-    """White noise to the turbine's eight outputs and the wind [m/s], at the model's turbulence intensity."""
+    """White noise to the turbine's outputs and the wind [m/s], at the model's turbulence intensity."""
     shaping = von_karman_filter(model.wind_speed, model.turbulence_intensity, length_scale, model.time_step)
     joint = series(shaping, model.turbine.select(inputs=["wind"]))
     wind = np.hstack([shaping.C, np.zeros((1, model.turbine.order))])
@@ -116,8 +116,8 @@ class Disturbance:
 
         Returns
         -------
-        first : (n, 9) float
-            Outputs at sample 0: the turbine's eight in multi-blade coordinates, and the wind.
+        first : (n, ny + 1) float
+            Outputs at sample 0, blades in multi-blade coordinates, and the wind.
         rows : (n, intervals, rows.count) float
             Rows of every interval.
         """
@@ -141,7 +141,7 @@ class Disturbance:
 
 
 def wind_modes(model: TurbineModel) -> Modal:
-    """Wind [m/s] to the turbine's eight outputs and the wind itself."""
+    """Wind [m/s] to the turbine's outputs and the wind itself."""
     turbine = model.turbine.select(inputs=["wind"])
     return modal_form(
         replace(
@@ -154,7 +154,7 @@ def wind_modes(model: TurbineModel) -> Modal:
 
 
 def wind_response(modal: Modal, wind: Array, before: float) -> Array:
-    """Outputs (T, 9) of a turbine to a wind series (T,) [m/s] known in advance, such as a gust.
+    """Outputs and wind (T, ny + 1) of a turbine to a wind series (T,) [m/s] known in advance, such as a gust.
 
     Parameters
     ----------

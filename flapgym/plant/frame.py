@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array
-from flapgym.model.turbine_model import TURBINE_OUTPUTS
 
 
 def turned(angle: float) -> Array:
@@ -24,10 +23,10 @@ def turned(angle: float) -> Array:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def input_frame(steps: int, turn: float) -> Array:
-    """Native inputs (u^0, ..., u^k) from motion components in the frame of the start, (6 (k + 1), 6 (k + 1)).
+def input_frame(steps: int, turn: float, flaps: int = 1) -> Array:
+    """Native inputs (u^0, ..., u^k) from motion components in the frame of the start, (6 F (k + 1), 6 F (k + 1)).
 
-    Rows and columns alike: sample by sample flap angle 0, c, s and flap rate 0, c, s.
+    Rows and columns alike: sample by sample the angles of flaps 1..F in components 0, c, s, then their rates.
 
     Parameters
     ----------
@@ -35,55 +34,73 @@ def input_frame(steps: int, turn: float) -> Array:
         Steps k of an interval.
     turn : float
         Azimuth Omega dt [rad] of one step.
+    flaps : int
+        Flaps F a blade.
     """
-    frame = np.zeros((steps + 1, 2, BLADES, steps + 1, 2, BLADES))
+    signals = 2 * flaps
+    frame = np.zeros((steps + 1, signals, BLADES, steps + 1, signals, BLADES))
     for sample in range(steps + 1):
-        for kind in range(2):
-            frame[sample, kind, :, sample, kind] = turned(sample * turn)
-    return frame.reshape(6 * (steps + 1), 6 * (steps + 1))
+        for signal in range(signals):
+            frame[sample, signal, :, sample, signal] = turned(sample * turn)
+    return frame.reshape(BLADES * signals * (steps + 1), -1)
 
 
 @dataclass(frozen=True)
 class OutputRows:
     """Which outputs of an interval are computed, in the order of the rows.
 
-    Root bending moment at samples 1..k, tip deflection at the samples kept (0, c, s each, in the frame of the
-    start), then tower fore-aft and side-to-side and the wind at the samples kept.
+    The first blade quantity, the root bending moment, at samples 1..k; the other blade quantities one after the other
+    at the samples kept (0, c, s each, in the frame of the start); the fixed quantities at the samples kept; and the
+    wind at the samples kept.
 
     Attributes
     ----------
     steps : int
         Steps k of an interval.
     kept : int
-        Samples of tip, tower and wind: all k, or only the last.
+        Samples of everything but the first quantity: all k, or only the last.
+    blade_outputs : int
+        Quantities of the blades, the first included, B.
+    fixed_outputs : int
+        Quantities of the fixed frame, without the wind.
     """
 
     steps: int
     kept: int
+    blade_outputs: int = 2
+    fixed_outputs: int = 2
 
     @property
     def blade_rows(self) -> int:
         """Rows that are multi-blade components: they come first."""
-        return BLADES * (self.steps + self.kept)
+        return BLADES * (self.steps + (self.blade_outputs - 1) * self.kept)
+
+    @property
+    def structural(self) -> int:
+        """Rows without the wind's."""
+        return self.blade_rows + self.fixed_outputs * self.kept
 
     @property
     def count(self) -> int:
         """All rows."""
-        return self.blade_rows + 3 * self.kept
+        return self.structural + self.kept
 
     def matrix(self, turn: float) -> Array:
-        """(count, k 9) rows from the outputs (y^1, ..., y^k), each the turbine's eight and the wind."""
-        outputs = len(TURBINE_OUTPUTS) + 1
+        """(count, k ny) rows from the outputs (y^1, ..., y^k), each the turbine's and the wind."""
+        outputs = BLADES * self.blade_outputs + self.fixed_outputs + 1
         rows = np.zeros((self.count, self.steps, outputs))
         first_kept = self.steps - self.kept
         for sample in range(self.steps):
+            # Back from the sample's own frame into that of the start.
             back = turned(-(sample + 1) * turn)
-            rows[BLADES * sample : BLADES * (sample + 1), sample, 0:3] = back
-            if sample >= first_kept:
-                place = sample - first_kept
-                tip = BLADES * (self.steps + place)
-                rows[tip : tip + BLADES, sample, 3:6] = back
-                # Behind the blades: fore-aft, side-to-side and wind, sample by sample.
-                flat = self.blade_rows + 3 * place
-                rows[flat : flat + 3, sample, 6:9] = np.eye(3)
+            rows[BLADES * sample : BLADES * (sample + 1), sample, :BLADES] = back
+            if sample < first_kept:
+                continue
+            place = sample - first_kept
+            for quantity in range(1, self.blade_outputs):
+                row = BLADES * (self.steps + (quantity - 1) * self.kept + place)
+                rows[row : row + BLADES, sample, BLADES * quantity : BLADES * (quantity + 1)] = back
+            for quantity in range(self.fixed_outputs + 1):
+                row = self.blade_rows + quantity * self.kept + place
+                rows[row, sample, BLADES * self.blade_outputs + quantity] = 1.0
         return rows.reshape(self.count, self.steps * outputs)

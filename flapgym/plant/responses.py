@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from flapgym.core.arrays import Array, FloatArray
 from flapgym.plant.disturbance import wind_response
-from flapgym.plant.interface import GivenWind, Setup, Start
-from flapgym.plant.kernel import Kernel
-from flapgym.plant.layout import OUTPUTS
+from flapgym.plant.parameters import Kernel, Stepping
+from flapgym.plant.start import GivenWind, Start
 
 
 class Pool:
@@ -30,7 +29,7 @@ class Pool:
     """
 
     def __init__(self, kernel: Kernel, intervals: int, size: int, precision: str) -> None:
-        self.first = np.zeros((size, OUTPUTS))
+        self.first = np.zeros((size, len(kernel.wind.outputs)))
         self.rows = np.zeros((size, intervals, kernel.rows.count), dtype=precision)
         self._kernel, self._intervals = kernel, intervals
         self._known = np.zeros(size, dtype=bool)
@@ -69,7 +68,7 @@ def shared_pool(kernel: Kernel, intervals: int, size: int, precision: str) -> Po
 
 @lru_cache(maxsize=4)
 def gust_response(kernel: Kernel, wind: bytes, before: float) -> tuple[Array, Array]:
-    """Outputs (9,) at sample 0 and rows (intervals, count) under a given wind, computed once for all plants.
+    """Outputs and wind (ny + 1,) at sample 0 and rows (intervals, count) under a given wind, computed once for all plants.
 
     Parameters
     ----------
@@ -96,11 +95,11 @@ class Responses:
         Factor on it.
     """
 
-    def __init__(self, kernel: Kernel, count: int, setup: Setup, reference_intensity: float) -> None:
-        self._kernel, self._setup, self._reference = kernel, setup, reference_intensity
-        self._pool = shared_pool(kernel, setup.intervals, setup.pool, setup.precision) if setup.pool else None
+    def __init__(self, kernel: Kernel, count: int, stepping: Stepping, reference_intensity: float) -> None:
+        self._kernel, self._stepping, self._reference = kernel, stepping, reference_intensity
+        self._pool = shared_pool(kernel, stepping.intervals, stepping.pool, stepping.precision) if stepping.pool else None
         places = count if self._pool is None else 0
-        self._own_rows = np.zeros((places, setup.intervals, kernel.rows.count), dtype=setup.precision)
+        self._own_rows = np.zeros((places, stepping.intervals, kernel.rows.count), dtype=stepping.precision)
         self.place = np.arange(count) if self._pool is None else np.zeros(count, dtype=np.int64)
         self.level = np.ones(count)
         self._gust: tuple[GivenWind, Array, Array] | None = None
@@ -111,7 +110,7 @@ class Responses:
         return self._own_rows if self._pool is None else self._pool.rows
 
     def draw(self, turbines: NDArray[np.int64], start: Start) -> Array:
-        """Prepare m episodes; the outputs (m, 9) at sample 0.
+        """Prepare m episodes; the outputs and wind (m, ny + 1) at sample 0.
 
         One turbine after another: then a realisation is the same to the last bit, whoever else is reset with it.
         """
@@ -122,11 +121,11 @@ class Responses:
             self._pool.fill(start.realisation)
             self.place[turbines], self.level[turbines] = start.realisation, levels
             return self._pool.first[start.realisation] * levels[:, None]
-        first = np.zeros((len(turbines), OUTPUTS))
+        first = np.zeros((len(turbines), len(self._kernel.wind.outputs)))
         for index, (turbine, level) in enumerate(zip(turbines, levels, strict=True)):
             if level > 0.0 and start.noise is not None:
                 begin, rows = self._kernel.disturbance.respond(
-                    start.noise[index : index + 1], self._setup.intervals
+                    start.noise[index : index + 1], self._stepping.intervals
                 )
                 first[index] = begin[0] * level
                 np.multiply(rows[0], level, out=self.rows[turbine], casting="same_kind")

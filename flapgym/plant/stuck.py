@@ -5,29 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
-from flapgym.plant.interface import Setup
 from flapgym.plant.modal import Modal
-
-
-def first_modes(flap: Modal, setup: Setup, azimuth: Array, turn: float) -> ComplexArray:
-    """Modes (m, order) at the start of an episode: at rest, but for what stuck flaps keep up.
-
-    Parameters
-    ----------
-    flap : Modal
-        Flap angle and rate in components to outputs.
-    setup : Setup
-    azimuth : (m,) float
-        Of blade 1 [rad].
-    turn : float
-        Azimuth of one step [rad].
-    """
-    angle = setup.faults.held_angle * setup.faults.effectiveness
-    if setup.single_blade:
-        angle = np.full(BLADES, angle[0])
-    if not angle.any():
-        return np.zeros((len(azimuth), flap.order), dtype=complex)
-    return stuck_modes(flap, angle, azimuth, turn)
 
 
 def stuck_modes(flap: Modal, angle: Array, azimuth: Array, turn: float) -> ComplexArray:
@@ -39,18 +17,26 @@ def stuck_modes(flap: Modal, angle: Array, azimuth: Array, turn: float) -> Compl
     Parameters
     ----------
     flap : Modal
-        Flap angle and rate in components to outputs.
-    angle : (3,) float
-        Of each blade's flap [rad], times its effectiveness.
+        Flap angles and rates in components to outputs.
+    angle : (blades F,) float
+        Of each flap [rad], times its effectiveness; of the single blade, F of them.
     azimuth : (m,) float
         Of blade 1 [rad].
     turn : float
         Azimuth of one step [rad].
     """
-    mean, cosine, sine = flap.drive[:, :BLADES].T
-    turning = 2.0 / BLADES * np.sum(angle * np.exp(2j * np.pi / BLADES * np.arange(BLADES)))
-    steady = mean * np.mean(angle) / (1.0 - flap.values)
-    along = 0.5 * turning * (cosine - 1j * sine) / (np.exp(1j * turn) - flap.values)
-    against = 0.5 * np.conj(turning) * (cosine + 1j * sine) / (np.exp(-1j * turn) - flap.values)
+    flaps = flap.drive.shape[1] // (2 * BLADES)
+    # A single blade is the mean of three alike.
+    each = np.broadcast_to(np.asarray(angle).reshape(-1, flaps), (BLADES, flaps))
+    modes = np.zeros((len(azimuth), flap.order), dtype=complex)
+    if not each.any():
+        return modes
     phase = np.exp(1j * np.asarray(azimuth))[:, None]
-    return np.asarray(steady + along * phase + against / phase)
+    for number, angles in enumerate(each.T):
+        mean, cosine, sine = flap.drive[:, BLADES * number : BLADES * (number + 1)].T
+        turning = 2.0 / BLADES * np.sum(angles * np.exp(2j * np.pi / BLADES * np.arange(BLADES)))
+        steady = mean * np.mean(angles) / (1.0 - flap.values)
+        along = 0.5 * turning * (cosine - 1j * sine) / (np.exp(1j * turn) - flap.values)
+        against = 0.5 * np.conj(turning) * (cosine + 1j * sine) / (np.exp(-1j * turn) - flap.values)
+        modes += steady + along * phase + against / phase
+    return modes

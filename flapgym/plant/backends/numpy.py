@@ -1,0 +1,148 @@
+"""The step in numpy, an interval of many turbines in two products: the plant where numba is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flapgym.core.arrays import BLADES, Array, BoolArray, FloatArray
+from flapgym.model.multiblade import blade_azimuths, component_weights
+from flapgym.plant.actuator import TOUCH, flap_step, free_motion
+from flapgym.plant.parameters import Episode, Loads, Parameters, State
+from flapgym.plant.telling import tell
+
+
+def step(parameters: Parameters, episode: Episode, state: State, actions: FloatArray) -> tuple[State, Loads]:
+    """Hold actions for k plant steps.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    episode : Episode
+    state : State
+        Not changed.
+    actions : (n, blades F) float
+        Fractions of the acceleration limits; finite, clipped to +-1.
+
+    Returns
+    -------
+    state : State
+    loads : Loads
+    """
+    p, n = parameters, len(state.elapsed)
+    azimuth = episode.azimuth + p.turn * p.steps * state.elapsed
+    command = (np.clip(actions, -1.0, 1.0) * p.acceleration).T
+    motion, rate_lost, jumps, stopped = move(p, state.flaps, command)
+    start = [state.flaps[0], state.flaps[1], command, *([state.flaps[2]] if p.lag_gain else [])]
+    given = _components(p, np.stack(start), azimuth)
+    modes, rows = _superposed(p, state.modes, given)
+    met = np.flatnonzero(stopped.any(axis=0))
+    if met.size:
+        lost = _components(p, np.concatenate([rate_lost, jumps])[:, :, met], azimuth[met])
+        modes[:, met] += p.stop_push @ lost
+        rows[:, met] += p.stop_feed @ lost
+    at = np.minimum(state.elapsed, p.intervals - 1)
+    wind = episode.responses[episode.place, at] * episode.level[:, None]
+    rows = rows.T.astype(float)
+    rows += wind[:, : rows.shape[1]]
+    flaps = _flaps_after(p, state.flaps, motion, command)
+    elapsed = state.elapsed + 1
+    transform = _to_blades(azimuth, p.blades)
+    blade_rows = rows[:, : rows.shape[1] - p.fixed_outputs * p.kept].reshape(n, -1, BLADES) @ transform
+    loads = tell(
+        p,
+        rbm=blade_rows[:, : p.steps],
+        others=blade_rows[:, p.steps :].reshape(n, p.blade_outputs - 1, p.kept, p.blades),
+        fixed=rows[:, rows.shape[1] - p.fixed_outputs * p.kept :].reshape(n, p.fixed_outputs, p.kept),
+        wind=wind[:, rows.shape[1] :],
+        motion=motion,
+        travel=flaps[3],
+        stopped=stopped,
+        azimuth=episode.azimuth + p.turn * p.steps * elapsed,
+    )
+    return State(elapsed, flaps, modes), loads
+
+
+def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, Array, Array, BoolArray]:
+    """Motion of the flaps over an interval.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    flaps : (4, blades F, n) float
+        Of the state.
+    command : (blades F, n) float
+        Accelerations [rad/s^2].
+
+    Returns
+    -------
+    motion : (k + 1, 2, blades F, n) float
+        Angle and rate at samples 0 to k.
+    rate_lost, jumps : (k, blades F, n) float
+        What stops did in steps 1 to k (`flapgym.plant.actuator.flap_step`).
+    stopped : (blades F, n) bool
+        Flaps that met a stop.
+    """
+    p = parameters
+    lag = -p.time_step / np.log(p.lag_decay) if p.lag_decay else 0.0
+    start = np.stack([flaps[0], flaps[1], command, flaps[2]][: 4 if lag else 3])
+    motion = np.tensordot(free_motion(p.steps, p.time_step, lag), start, axes=1)
+    motion = motion.reshape(p.steps + 1, 2, *command.shape)
+    limits = np.stack([p.angle_limit, p.rate_limit])[:, :, None]
+    stopped = (np.abs(motion) > limits * (1.0 - TOUCH)).any(axis=(0, 1))
+    rate_lost, jumps = np.zeros((p.steps, *command.shape)), np.zeros((p.steps, *command.shape))
+    flap, turbine = np.nonzero(stopped)
+    if not flap.size:
+        return motion, rate_lost, jumps, stopped
+    # Only those that come near a stop are marched; they may still miss it.
+    angle, rate, lagged = flaps[:3, flap, turbine]
+    held, met = command[flap, turbine], np.zeros(flap.size, dtype=bool)
+    limit = p.angle_limit[flap], p.rate_limit[flap]
+    for sample in range(p.steps):
+        acting = held + p.lag_gain * (lagged - held)
+        angle, rate, lost, jump, now = flap_step(angle, rate, acting, p.time_step, *limit)
+        lagged = held + p.lag_decay * (lagged - held)
+        met |= now
+        motion[sample + 1, 0, flap, turbine], motion[sample + 1, 1, flap, turbine] = angle, rate
+        rate_lost[sample, flap, turbine], jumps[sample, flap, turbine] = lost, jump
+    stopped[flap, turbine] = met
+    return motion, rate_lost, jumps, stopped
+
+
+def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tuple[FloatArray, FloatArray]:
+    """Modes after the interval (2 M, n) and rows (rows, n) as if no stop were there."""
+    p, count = parameters, len(modes) // 2
+    given = given.astype(modes.dtype)
+    (real, imaginary), (along, across) = p.decay[:, :, None], modes.reshape(2, count, -1)
+    after = p.push @ given
+    after[:count] += real * along - imaginary * across
+    after[count:] += real * across + imaginary * along
+    return after, p.read @ modes + p.feed @ given
+
+
+def _flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Array) -> Array:
+    """Flaps of the state (4, blades F, n) after a motion."""
+    lagged = command + parameters.lag_decay**parameters.steps * (flaps[2] - command)
+    travel = flaps[3] + np.abs(np.diff(motion[:, 0], axis=0)).sum(axis=0)
+    return np.stack([motion[-1, 0], motion[-1, 1], lagged, travel])
+
+
+def _components(parameters: Parameters, values: Array, azimuth: Array) -> Array:
+    """Components (m F 3, n) of m quantities of every flap (m, blades F, n) in the frame of the start."""
+    p = parameters
+    acting = (values * p.effectiveness[:, None]).reshape(-1, p.blades, p.flaps, values.shape[-1])
+    if p.blades == 1:
+        only = np.zeros((acting.shape[0], p.flaps, BLADES, values.shape[-1]))
+        only[:, :, 0] = acting[:, 0]
+        return only.reshape(-1, values.shape[-1])
+    return np.einsum("cbn,mbfn->mfcn", component_weights(azimuth), acting).reshape(-1, values.shape[-1])
+
+
+def _to_blades(azimuth: Array, blades: int) -> Array:
+    """(n, 3 components, blades): one, cosine and sine of each blade's azimuth; a single blade is the mean."""
+    transform = np.zeros((azimuth.size, BLADES, blades))
+    transform[:, 0] = 1.0
+    if blades == BLADES:
+        angle = blade_azimuths(azimuth)
+        np.cos(angle, out=transform[:, 1])
+        np.sin(angle, out=transform[:, 2])
+    return transform

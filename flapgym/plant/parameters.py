@@ -1,0 +1,392 @@
+"""What the step of a turbine needs and never changes, as named arrays; prepared once for a model and shared.
+
+Superposition: the response to the flaps is stepped, that to the wind is looked up (flapgym.plant.responses). Between
+its stops a flap moves under a held acceleration, so three numbers a flap (four where the acceleration lags) decide an
+interval of k steps: it is one product, whatever k. Where a stop changes the motion, what it took away is added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from flapgym.core.arrays import BLADES, Array, FloatArray
+from flapgym.core.state_space import StateSpace
+from flapgym.model.turbine_model import TurbineModel
+from flapgym.plant.actuator import Faults, deviations, free_motion, lag_constants
+from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
+from flapgym.plant.fingerprint import fingerprint
+from flapgym.plant.frame import OutputRows, input_frame
+from flapgym.plant.lifted import lift
+from flapgym.plant.modal import Modal, modal_form
+from flapgym.plant.quantities import Quantities
+
+
+class Parameters(NamedTuple):
+    """Constants of a step; b F + f is flap f of blade b, M the number of modes, Q = 3 F kinds what decides a motion.
+
+    Attributes
+    ----------
+    steps, intervals : int
+        Plant steps k an action is held; actions of an episode.
+    kept : int
+        Samples at which everything but the root moment is told: k, or 1 for the last.
+    blades, flaps : int
+        Blades, and flaps F on each.
+    blade_outputs, fixed_outputs : int
+        Quantities that are computed of the blades (1: the root moment alone) and in the fixed frame.
+    blade_places, fixed_places : int
+        The same of those that have a place among a turbine's numbers; what is not computed is NaN there.
+    record : bool
+        Whether every plant sample is told.
+    time_step, turn : float
+        Of a plant step [s, rad of azimuth].
+    lag_decay, lag_gain : float
+        `flapgym.plant.actuator.lag_constants`.
+    angle_limit, rate_limit : (blades F,) float
+        Stops [rad, rad/s].
+    acceleration : (blades F,) float
+        What an action of one stands for [rad/s^2]; zero for a stuck flap.
+    effectiveness : (blades F,) float
+    decay : (2, M) float
+        What an interval leaves of the modes: real and imaginary part of their eigenvalues' k-th power.
+    push : (2 M, Q) float
+        Motion that is free of stops to the modes at the end. Columns: angle, rate, command and, if it lags, the
+        acceleration at the start; of each flap; in components 0, c, s in the frame of the start.
+    read : (rows, 2 M) float
+        Modes at the start, real parts first, to the rows (`flapgym.plant.frame.OutputRows`, without the wind's).
+    feed : (rows, Q) float
+        Motion that is free of stops to the rows.
+    stop_push, stop_feed : (2 M, 6 F k) and (rows, 6 F k) float
+        What stops did to the same: rate lost in steps 1..k, then jumps of the angle; each of every flap in components.
+    """
+
+    steps: int
+    intervals: int
+    kept: int
+    blades: int
+    flaps: int
+    blade_outputs: int
+    fixed_outputs: int
+    blade_places: int
+    fixed_places: int
+    record: bool
+    time_step: float
+    turn: float
+    lag_decay: float
+    lag_gain: float
+    angle_limit: Array
+    rate_limit: Array
+    acceleration: Array
+    effectiveness: Array
+    decay: FloatArray
+    push: FloatArray
+    read: FloatArray
+    feed: FloatArray
+    stop_push: FloatArray
+    stop_feed: FloatArray
+
+
+class Episode(NamedTuple):
+    """What does not change within an episode of n turbines.
+
+    Attributes
+    ----------
+    azimuth : (n,) float
+        Of blade 1 at the reset [rad].
+    responses : (places, intervals, rows + kept) float
+        What the wind does to the rows, and the wind itself, at unit level.
+    place : (n,) int
+        Where each turbine's response stands.
+    level : (n,) float
+        Factor on it.
+    """
+
+    azimuth: Array
+    responses: FloatArray
+    place: np.ndarray
+    level: Array
+
+
+class State(NamedTuple):
+    """What changes from step to step.
+
+    Attributes
+    ----------
+    elapsed : (n,) int
+        Actions since the reset.
+    flaps : (4, blades F, n) float
+        Angle, rate, lagged acceleration, way since the reset [rad, rad/s, rad/s^2, rad].
+    modes : (2 M, n) float
+        Of the response to the flaps, real parts first.
+    """
+
+    elapsed: np.ndarray
+    flaps: Array
+    modes: FloatArray
+
+
+class Loads(NamedTuple):
+    """What n turbines did during an action.
+
+    Attributes
+    ----------
+    last : (n, size) float
+        At the last sample (`flapgym.plant.quantities.Quantities.last`).
+    rbm_square : (n, blades) float
+        Mean square of the root moment over the samples [N^2 m^2].
+    angle_square : (n,) float
+        The same of the flap angles, mean over the flaps [rad^2].
+    fixed_square : (n, fixed) float
+        The same of the fixed outputs, over the samples kept.
+    samples : (n, k, sample_size) float
+        Every plant sample; (n, 0, 0) where they are not wanted.
+    """
+
+    last: Array
+    rbm_square: Array
+    angle_square: Array
+    fixed_square: Array
+    samples: Array
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """How a plant is stepped.
+
+    Parameters
+    ----------
+    steps_per_action : int
+        Plant steps k for which an action is held.
+    intervals : int
+        Actions per episode.
+    length_scale : float
+        Of the turbulence [m].
+    every_sample : bool
+        Compute everything at every plant sample, not only at the last one of an interval.
+    record : bool
+        Tell every plant sample; takes `every_sample`.
+    displacements : bool
+        Compute more than root moments and wind at all; without it the rest is NaN, which saves a tenth of the time of
+        a single turbine's step.
+    faults : Faults
+        Of the flaps.
+    single_blade : bool
+        The clamped single blade instead of the turbine.
+    precision : str
+        "float64", or "float32" of the modes and of the response to the wind.
+    pool : int
+        Number of realisations of the turbulence shared by all plants of the process; 0 draws each anew.
+    """
+
+    steps_per_action: int
+    intervals: int
+    length_scale: float
+    every_sample: bool = False
+    record: bool = False
+    displacements: bool = True
+    faults: Faults = Faults()
+    single_blade: bool = False
+    precision: str = "float64"
+    pool: int = 0
+
+    @property
+    def blades(self) -> int:
+        """Blades that are there."""
+        return 1 if self.single_blade else BLADES
+
+    def quantities(self, model: TurbineModel) -> Quantities:
+        """What a plant of the model tells."""
+        fixed = () if self.single_blade else model.fixed_outputs
+        return Quantities(self.blades, len(model.flaps), model.blade_outputs, fixed)
+
+
+@dataclass(frozen=True, eq=False)
+class Kernel:
+    """Systems a plant is made of, in modal form, for intervals of k steps.
+
+    Attributes
+    ----------
+    flap : Modal
+        Flap angles and rates in components to the outputs that have rows, and the wind (on which they do nothing).
+    wind : Modal
+        Wind to the same, for a wind known in advance.
+    disturbance : Disturbance
+        White noise to the rows.
+    rows : OutputRows
+    turn : float
+        Azimuth of one step [rad].
+    """
+
+    flap: Modal
+    wind: Modal
+    disturbance: Disturbance
+    rows: OutputRows
+    turn: float
+
+    @cached_property
+    def direct(self) -> Array:
+        """(6 F, ny + 1) flap inputs of a sample to the outputs of the same sample."""
+        return np.ascontiguousarray(self.flap.D.T)
+
+    def packed(self, outputs: Array) -> Array:
+        """Rows (intervals, count) from outputs and wind (intervals k, ny + 1)."""
+        flat = outputs.reshape(-1, self.rows.steps * outputs.shape[1])
+        return np.asarray(flat @ self.rows.matrix(self.turn).T)
+
+
+def prepare(model: TurbineModel, stepping: Stepping) -> Kernel:
+    """The systems of a model; what was prepared for the same numbers before is used again."""
+    if stepping.single_blade:
+        model = replace(model, turbine=blade_as_turbine(model))
+    steps = stepping.steps_per_action
+    rows = OutputRows(
+        steps,
+        steps if stepping.every_sample else 1,
+        len(model.blade_outputs) if stepping.displacements else 1,
+        len(model.fixed_outputs) if stepping.displacements and not stepping.single_blade else 0,
+    )
+    return _kernel(_ByContent(model), rows, stepping.length_scale)
+
+
+def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Parameters:
+    """The constants of a step."""
+    k, blades, flaps = stepping.steps_per_action, stepping.blades, len(model.flaps)
+    turn, lag, dt = kernel.turn, stepping.faults.lag, model.time_step
+    lifted = lift(kernel.flap, k, kernel.rows.matrix(turn)[: kernel.rows.structural], input_frame(k, turn, flaps))
+    # Motion of every flap in every component alike; the last sample's acts on the outputs alone.
+    each = np.eye(BLADES * flaps)
+    free = np.kron(free_motion(k, dt, lag), each)
+    stops = np.kron(deviations(k, dt), each)
+    drive = _parts_apart(lifted.drive).T
+    effectiveness, stuck = stepping.faults.on(blades, flaps)
+    limits = [[getattr(flap, name) for flap in model.flaps] * blades for name in _LIMITS]
+    angle_limit, rate_limit, acceleration = (np.array(limit) for limit in limits)
+    decay, gain = lag_constants(dt, lag)
+    precise = np.dtype(stepping.precision)
+    before_last = slice(0, drive.shape[1])
+
+    def packed(matrix: Array) -> FloatArray:
+        return np.ascontiguousarray(matrix, dtype=precise)
+
+    return Parameters(
+        steps=k,
+        intervals=stepping.intervals,
+        kept=kernel.rows.kept,
+        blades=blades,
+        flaps=flaps,
+        blade_outputs=kernel.rows.blade_outputs,
+        fixed_outputs=kernel.rows.fixed_outputs,
+        blade_places=len(model.blade_outputs),
+        fixed_places=0 if stepping.single_blade else len(model.fixed_outputs),
+        record=stepping.record,
+        time_step=dt,
+        turn=turn,
+        lag_decay=decay,
+        lag_gain=gain,
+        angle_limit=angle_limit,
+        rate_limit=rate_limit,
+        acceleration=np.where(np.isnan(stuck), acceleration, 0.0),
+        effectiveness=effectiveness,
+        decay=packed(np.stack([lifted.decay.real, lifted.decay.imag])),
+        push=packed(drive @ free[before_last]),
+        read=packed(_parts_apart(lifted.read.T)),
+        feed=packed(lifted.feed.T @ free),
+        stop_push=packed(drive @ stops[before_last]),
+        stop_feed=packed(lifted.feed.T @ stops),
+    )
+
+
+_LIMITS = ("angle_limit", "rate_limit", "acceleration_limit")
+
+
+def _parts_apart(alternating: Array) -> Array:
+    """Columns of real and imaginary parts in turn, (m, 2 M), with all real parts first."""
+    return np.concatenate([alternating[:, 0::2], alternating[:, 1::2]], axis=1)
+
+
+def _wanted(modal: Modal, rows: OutputRows, fixed: int) -> Modal:
+    """A response with those outputs alone that have rows, and the wind behind them.
+
+    Parameters
+    ----------
+    modal : Modal
+        To a model's outputs, and the wind last if it is one of them.
+    rows : OutputRows
+    fixed : int
+        Fixed outputs of the model; they stand behind those of the blades.
+    """
+    count, blade_outputs = len(modal.outputs), BLADES * rows.blade_outputs
+    with_wind = modal.outputs[-1] == "wind"
+    first_fixed = count - with_wind - fixed
+    kept = [*range(blade_outputs), *range(first_fixed, first_fixed + rows.fixed_outputs)]
+    read, direct = modal.read[kept], modal.D[kept]
+    # The flaps do nothing to the wind.
+    wind_read = modal.read[-1:] if with_wind else np.zeros((1, modal.order), dtype=complex)
+    wind_direct = modal.D[-1:] if with_wind else np.zeros((1, modal.D.shape[1]))
+    return replace(
+        modal,
+        read=np.vstack([read, wind_read]),
+        D=np.vstack([direct, wind_direct]),
+        outputs=(*(modal.outputs[i] for i in kept), "wind"),
+    )
+
+
+def blade_as_turbine(model: TurbineModel) -> StateSpace:
+    """The clamped blade in the place of a turbine's collective component; the other components and the tower rest."""
+    blade, turbine = model.blade, model.turbine
+    inputs = [turbine.inputs.index(f"{name}_0") for name in blade.inputs[:-1]] + [turbine.inputs.index("wind")]
+    outputs = [turbine.outputs.index(f"{name}_0") for name in blade.outputs]
+    B = np.zeros((blade.order, len(turbine.inputs)))
+    C, D = np.zeros((len(turbine.outputs), blade.order)), np.zeros(turbine.D.shape)
+    B[:, inputs], C[outputs], D[np.ix_(outputs, inputs)] = blade.B, blade.C, blade.D
+    return StateSpace(blade.A, B, C, D, blade.time_step, turbine.inputs, turbine.outputs)
+
+
+class _ByContent:
+    """A model that equals another when every number the plant uses is the same, wherever it was loaded from."""
+
+    def __init__(self, model: TurbineModel) -> None:
+        self.model = model
+        system = model.turbine
+        numbers = (model.wind_speed, model.rotor_speed, model.time_step, model.turbulence_intensity)
+        self._key = fingerprint((system.A, system.B, system.C, system.D), numbers)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByContent) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+@lru_cache(maxsize=4)
+def _flap_modes(content: _ByContent) -> Modal:
+    turbine = content.model.turbine
+    return modal_form(turbine.select(inputs=[*turbine.inputs[: 2 * BLADES * len(content.model.flaps)]]))
+
+
+@lru_cache(maxsize=4)
+def _wind_modes(content: _ByContent) -> Modal:
+    return wind_modes(content.model)
+
+
+@lru_cache(maxsize=8)
+def _disturbance_modes(content: _ByContent, length_scale: float) -> tuple[Modal, Array]:
+    return disturbance_modes(content.model, length_scale)
+
+
+@lru_cache(maxsize=16)
+def _kernel(content: _ByContent, rows: OutputRows, length_scale: float) -> Kernel:
+    noise_modes, root = _disturbance_modes(content, length_scale)
+    turn = content.model.rotor_speed * content.model.time_step
+    fixed = len(content.model.fixed_outputs)
+    return Kernel(
+        flap=_wanted(_flap_modes(content), rows, fixed),
+        wind=_wanted(_wind_modes(content), rows, fixed),
+        disturbance=Disturbance.of(_wanted(noise_modes, rows, fixed), root, rows, turn),
+        rows=rows,
+        turn=turn,
+    )

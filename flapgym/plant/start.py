@@ -1,0 +1,52 @@
+"""How episodes begin: winds known in advance, and what a reset gives of each turbine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from flapgym.core.arrays import Array, IntArray
+
+
+class GivenWind(NamedTuple):
+    """A wind known in advance, such as a gust.
+
+    Attributes
+    ----------
+    wind : (T + 1,) float
+        Perturbation at samples 0 to T [m/s].
+    before : float
+        What has always blown before [m/s]: the turbine starts in equilibrium with it.
+    """
+
+    wind: Array
+    before: float
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """How m turbines begin an episode.
+
+    Attributes
+    ----------
+    azimuth : (m,) float
+        Of blade 1 [rad].
+    flap_angle, flap_rate : (m, blades F) float
+        Within the stops [rad, rad/s]. The turbine's response to the flaps starts from rest.
+    intensity : (m,) float
+        Of the turbulence; none where it is zero.
+    noise : (m, noise_count) float or None
+        Standard normal numbers that make the realisations.
+    realisation : (m,) int or None
+        Instead of noise: which realisations of the pool.
+    gust : GivenWind or None
+        Wind beside the turbulence. Keep the object: its response is computed once.
+    """
+
+    azimuth: Array
+    flap_angle: Array
+    flap_rate: Array
+    intensity: Array
+    noise: Array | None = None
+    realisation: IntArray | None = None
+    gust: GivenWind | None = None

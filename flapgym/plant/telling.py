@@ -1,0 +1,77 @@
+"""From what an interval gave, blade by blade, to what a plant tells: the same for every way in numpy to compute it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flapgym.core.arrays import Array, BoolArray
+from flapgym.plant.parameters import Loads, Parameters
+
+
+def tell(
+    parameters: Parameters,
+    *,
+    rbm: Array,
+    others: Array,
+    fixed: Array,
+    wind: Array,
+    motion: Array,
+    travel: Array,
+    stopped: BoolArray,
+    azimuth: Array,
+) -> Loads:
+    """Loads of an interval of k samples, or of the one sample of a reset.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    rbm : (n, k, blades) float
+        Root moments at samples 1 to k [N m].
+    others : (n, computed - 1, kept, blades) float
+        The other blade quantities at the samples kept.
+    fixed : (n, fixed, kept) float
+        Fixed outputs at the samples kept.
+    wind : (n, kept) float
+        [m/s].
+    motion : (k + 1, 2, blades F, n) float
+        Angle and rate of the flaps at samples 0 to k [rad, rad/s]; the last sample is enough.
+    travel : (blades F, n) float
+        Way since the reset [rad].
+    stopped : (blades F, n) bool
+    azimuth : (n,) float
+        Of blade 1 at the last sample [rad].
+    """
+    p, n = parameters, len(rbm)
+    unknown = np.full((n, p.blade_places - p.blade_outputs, p.blades), np.nan)
+    unknown_fixed = np.full((n, p.fixed_places - p.fixed_outputs), np.nan)
+    last = np.concatenate(
+        [
+            rbm[:, -1],
+            others[:, :, -1].reshape(n, -1),
+            unknown.reshape(n, -1),
+            motion[-1, 0].T,
+            motion[-1, 1].T,
+            travel.T,
+            stopped.T,
+            fixed[:, :, -1],
+            unknown_fixed,
+            wind[:, -1:],
+            (azimuth % (2.0 * np.pi))[:, None],
+            np.cos(azimuth)[:, None],
+            np.sin(azimuth)[:, None],
+        ],
+        axis=1,
+    )
+    samples = np.empty((n, 0, 0))
+    if p.record:
+        flat = others.transpose(0, 2, 1, 3).reshape(n, rbm.shape[1], -1)
+        flaps = motion[1:].transpose(3, 0, 1, 2).reshape(n, rbm.shape[1], -1)
+        samples = np.concatenate([rbm, flat, flaps, fixed.transpose(0, 2, 1), wind[:, :, None]], axis=2)
+    angle = motion[1:, 0]
+    return Loads(
+        last=last,
+        rbm_square=np.einsum("nkb,nkb->nb", rbm, rbm) / rbm.shape[1],
+        angle_square=np.einsum("kfn,kfn->n", angle, angle) / max(1, angle.shape[0] * angle.shape[1]),
+        fixed_square=np.einsum("nck,nck->nc", fixed, fixed) / fixed.shape[2],
+        samples=samples,
+    )

@@ -16,7 +16,7 @@ import pytest
 from flapgym.core.atomic import check_target, write_atomically, write_picture, write_together
 from flapgym.core.files import LARGEST_SETTINGS, parse_json, read_bytes, read_text, read_toml, regular_file
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 TEXT = 'base = "größer"\n'
 
 

@@ -246,7 +246,7 @@ def test_an_interrupted_second_training_leaves_the_first_run_s_policy(tmp_path, 
     save_model(synthetic_model(), tmp_path / "model.safetensors")
     text = (ROOT / "configs" / "train-ppo.toml").read_text(encoding="utf-8")
     text = text.replace('"nrel5mw-rated"', f'"{tmp_path / "model.safetensors"}"')
-    text = text.replace("turbines = 64", "turbines = 2").replace("rollout = 64", "rollout = 8")
+    text = text.replace("turbines = 64", "turbines = 2").replace("n_steps = 64", "n_steps = 8")
     (tmp_path / "run.toml").write_text(text.replace("batch_size = 2048", "batch_size = 48"), encoding="utf-8")
     arguments = [str(tmp_path / "run.toml"), "--output", str(tmp_path / "runs"), "--steps", "96"]
     assert policies.main(arguments) == 0

@@ -28,7 +28,7 @@ def exported(algorithm: BaseAlgorithm, training: Training, model: TurbineModel) 
         scale=scale,
         weights=tuple(_numpy(layer.weight) for layer in layers),
         biases=tuple(_numpy(layer.bias) for layer in layers),
-        activation=cast(Activation, training.network.activation),
+        activation=cast(Activation, training.algorithm.policy_kwargs.activation_fn),
         squash=squash,
         model_hash=model.hash,
     )

@@ -22,6 +22,7 @@ from train.scaling import Scaled, observation_scale
 from train.settings import PPOSettings, SACSettings, Training
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+ALGORITHMS: dict[type[PPOSettings | SACSettings], type[PPO | SAC]] = {PPOSettings: PPO, SACSettings: SAC}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ def learn(training: Training, model: TurbineModel, seed: int, tensorboard: str |
     algorithm = learner(training, env, seed, tensorboard)
     began, interrupted, progress = time.perf_counter(), False, Progress(training)
     try:
-        algorithm.learn(training.total_steps, callback=progress, tb_log_name=training.name)
+        algorithm.learn(training.total_timesteps, callback=progress, tb_log_name=training.name)
     except KeyboardInterrupt:
         interrupted = True
     finally:
@@ -76,48 +77,19 @@ def environment(training: Training, model: TurbineModel) -> Scaled:
         flap_angle_weight=chosen.flap_angle_weight,
     )
     blades = VecMonitor(FlapVecEnv(vector, per_blade=True))
-    return Scaled(blades, observation_scale(chosen.observe, model), training.discount)
+    return Scaled(blades, observation_scale(chosen.observe, model), training.algorithm.gamma)
 
 
 def learner(training: Training, env: Scaled, seed: int, tensorboard: str | None) -> BaseAlgorithm:
     """The Stable-Baselines3 algorithm of a run."""
-    chosen, network = training.algorithm, training.network
-    policy: dict[str, Any] = {
-        "net_arch": list(network.hidden),
-        "activation_fn": ACTIVATIONS[network.activation],
-    }
-    rate = chosen.learning_rate
-    common: dict[str, Any] = {
-        "policy": "MlpPolicy",
-        "env": env,
-        "seed": seed,
-        "device": "cpu",
-        "tensorboard_log": tensorboard,
-        "gamma": chosen.discount,
-        "batch_size": chosen.batch_size,
-        "learning_rate": lambda left: left * rate,
-    }
-    if isinstance(chosen, PPOSettings):
-        return PPO(
-            **common,
-            n_steps=chosen.rollout,
-            n_epochs=chosen.epochs,
-            gae_lambda=chosen.trace_decay,
-            clip_range=chosen.clip_range,
-            ent_coef=chosen.entropy_weight,
-            policy_kwargs=policy | {"log_std_init": chosen.initial_log_std},
-        )
-    assert isinstance(chosen, SACSettings)
-    return SAC(
-        **common,
-        buffer_size=chosen.buffer_size,
-        gradient_steps=chosen.gradient_steps,
-        tau=chosen.target_rate,
-        learning_starts=chosen.warm_up,
-        ent_coef=f"auto_{chosen.initial_entropy_weight}",
-        target_entropy=chosen.target_entropy,
-        policy_kwargs=policy,
-    )
+    keywords = asdict(training.algorithm)
+    rate, network = keywords["learning_rate"], keywords["policy_kwargs"]
+    keywords["learning_rate"] = lambda left: left * rate  # `left` falls from one to zero over the run
+    network["net_arch"] = list(network["net_arch"])
+    network["activation_fn"] = ACTIVATIONS[network["activation_fn"]]
+    kind = ALGORITHMS[type(training.algorithm)]
+    # On the CPU: to move batches this small to an accelerator takes longer than to multiply them here.
+    return kind("MlpPolicy", env, seed=seed, device="cpu", tensorboard_log=tensorboard, **keywords)
 
 
 class Progress(BaseCallback):
@@ -135,11 +107,11 @@ class Progress(BaseCallback):
 
     def _on_training_start(self) -> None:
         self._bar = tqdm(
-            total=self._training.total_steps, desc=self._training.name, unit="step", unit_scale=True
+            total=self._training.total_timesteps, desc=self._training.name, unit="step", unit_scale=True
         )
 
     def _on_step(self) -> bool:
-        done = min(self.num_timesteps, self._training.total_steps)
+        done = min(self.num_timesteps, self._training.total_timesteps)
         self._bar.update(done - self._bar.n)
         episodes = self.model.ep_info_buffer
         if episodes:

@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _door(options: argparse.Namespace) -> Work:
     trainings = [load_training(path) for path in options.configs]
     if options.steps is not None:
-        trainings = [replace(training, total_steps=options.steps) for training in trainings]
+        trainings = [replace(training, total_timesteps=options.steps) for training in trainings]
     models = [load_model(training.model) for training in trainings]
     folder = writable_folder(options.output)
     if options.tensorboard is not None:
@@ -74,7 +74,7 @@ def keep(outcome: Outcome, training: Training, model: TurbineModel, path: Path) 
     if steps:
         path = path.with_name(f"{path.stem}-after-{steps}-steps.json")
         save(outcome, training, model, path)
-        print(f"{path}: {steps:,} of {training.total_steps:,} steps, interrupted")
+        print(f"{path}: {steps:,} of {training.total_timesteps:,} steps, interrupted")
 
 
 def save(outcome: Outcome, training: Training, model: TurbineModel, path: Path) -> None:
@@ -101,7 +101,7 @@ def _parser() -> argparse.ArgumentParser:
         default=1,
         help="runs of each config, with seeds that follow (default: 1)",
     )
-    parser.add_argument("--steps", type=whole(1), help="instead of the config's total_steps")
+    parser.add_argument("--steps", type=whole(1), help="instead of the config's total_timesteps")
     parser.add_argument("--tensorboard", metavar="FOLDER", help="write TensorBoard logs there")
     return parser
 

@@ -30,20 +30,21 @@ def observation_scale(observe: Sequence[str], model: TurbineModel) -> NDArray[np
 
 
 class Scaled(VecEnvWrapper):
-    """Multiplies observations by fixed factors, and rewards by one minus the discount, so that values are of order one.
+    """Multiplies observations by fixed factors, and rewards by 1 - gamma, so that values are of order one.
 
     Parameters
     ----------
     venv : VecEnv
     scale : (n,) float
-    discount : float
+    gamma : float
+        Discount per action: the value of a reward of one at every action is 1 / (1 - gamma).
     """
 
-    def __init__(self, venv: VecEnv, scale: NDArray[np.float64], discount: float) -> None:
+    def __init__(self, venv: VecEnv, scale: NDArray[np.float64], gamma: float) -> None:
         space = venv.observation_space
         assert isinstance(space, spaces.Box)
         self._scale = scale.astype(np.float32)
-        self._reward_scale = np.float32(1.0 - discount)
+        self._reward_scale = np.float32(1.0 - gamma)
         super().__init__(
             venv, spaces.Box(space.low * self._scale, space.high * self._scale, dtype=np.float32)
         )

@@ -1,35 +1,54 @@
-"""A training run as a frozen dataclass, read strictly from TOML: what it does not know it refuses by name."""
+"""A training run as a frozen dataclass, read strictly from TOML: what it does not know it refuses by name.
+
+The hyperparameters are keyword arguments of the algorithm's class in Stable-Baselines3, under their names there.
+"""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from flapgym.control.agent_checks import BLADE_QUANTITIES, check_name
-from flapgym.core.fields import Choice, Count, Quantity, Text, check_fields, check_keys, read
+from flapgym.core.fields import (
+    Choice,
+    Count,
+    Quantity,
+    Text,
+    TupleOf,
+    check_fields,
+    check_keys,
+    is_number,
+    read,
+)
 from flapgym.core.files import read_toml
 from flapgym.core.wording import shown
 
 
 @dataclass(frozen=True)
-class Several:
-    """A list of one or more values, each held to the same specification."""
+class EntropyCoefficient:
+    """A number that stays; or "auto", adapted from 1, or "auto_0.01", adapted from there."""
 
-    item: Any
+    def check(self, value: object, name: str) -> float | str:
+        """Refuse what SAC would."""
+        if is_number(value):
+            return float(Positive.check(value, name))
+        word, _, start = value.partition("_") if isinstance(value, str) else ("", "", "")
+        if word != "auto" or (value != "auto" and not _is_positive(start)):
+            raise ValueError(f"{name}: expected a number, 'auto', or such as 'auto_0.01', got {shown(value)}")
+        return str(value)
 
-    def parse(self, value: object, name: str) -> tuple[Any, ...]:
-        """Read a TOML value."""
-        return self.check(value, name)
 
-    def check(self, value: object, name: str) -> tuple[Any, ...]:
-        """Refuse an empty list, or an entry that does not fit."""
-        if not isinstance(value, (list, tuple)) or not value:
-            raise ValueError(f"{name}: expected a list of one or more values, got {shown(value)}")
-        return tuple(self.item.check(entry, f"{name}[{index}]") for index, entry in enumerate(value))
+def _is_positive(text: str) -> bool:
+    try:
+        return 0.0 < float(text) < float("inf")
+    except ValueError:
+        return False
 
 
 Positive = Quantity("number", above=0.0)
+NotNegative = Quantity("number", at_least=0.0)
 Share = Quantity("number", at_least=0.0, at_most=1.0)
 Discount = Quantity("number", above=0.0, below=1.0)
 
@@ -41,37 +60,46 @@ class EnvironmentSettings:
     turbines: Annotated[int, Count(at_least=1)]
     steps_per_action: Annotated[int, Count(at_least=1, at_most=100)]
     duration: Annotated[float, Quantity("time", above=0.0)]
-    observe: Annotated[tuple[str, ...], Several(Choice(BLADE_QUANTITIES))]
-    flap_angle_weight: Annotated[float, Quantity("number", at_least=0.0)]
+    observe: Annotated[tuple[str, ...], TupleOf(Choice(BLADE_QUANTITIES), distinct=True)]
+    flap_angle_weight: Annotated[float, NotNegative]
 
     def __post_init__(self) -> None:
         check_fields(self, "environment")
 
 
 @dataclass(frozen=True)
-class NetworkSettings:
-    """The multi-layer perceptrons."""
+class SACNetwork:
+    """The multi-layer perceptrons of policy and critics."""
 
-    hidden: Annotated[tuple[int, ...], Several(Count(at_least=1))]
-    activation: Annotated[str, Choice(("tanh", "relu"))]
+    net_arch: Annotated[tuple[int, ...], TupleOf(Count(at_least=1))]
+    activation_fn: Annotated[str, Choice(("tanh", "relu"))]
 
     def __post_init__(self) -> None:
-        check_fields(self, "network")
+        check_fields(self, "policy_kwargs")
+
+
+@dataclass(frozen=True)
+class PPONetwork(SACNetwork):
+    """The multi-layer perceptrons of policy and value function, and how wide exploration begins."""
+
+    log_std_init: Annotated[float, Quantity("number")]
 
 
 @dataclass(frozen=True)
 class PPOSettings:
-    """Proximal policy optimisation."""
+    """Keyword arguments of `stable_baselines3.PPO`."""
 
     learning_rate: Annotated[float, Positive]
-    rollout: Annotated[int, Count(at_least=2)]
+    n_steps: Annotated[int, Count(at_least=2)]
     batch_size: Annotated[int, Count(at_least=2)]
-    epochs: Annotated[int, Count(at_least=1)]
-    discount: Annotated[float, Discount]
-    trace_decay: Annotated[float, Share]
+    n_epochs: Annotated[int, Count(at_least=1)]
+    gamma: Annotated[float, Discount]
+    gae_lambda: Annotated[float, Share]
     clip_range: Annotated[float, Positive]
-    entropy_weight: Annotated[float, Quantity("number", at_least=0.0)]
-    initial_log_std: Annotated[float, Quantity("number")]
+    ent_coef: Annotated[float, NotNegative]
+    vf_coef: Annotated[float, NotNegative]
+    max_grad_norm: Annotated[float, Positive]
+    policy_kwargs: PPONetwork
 
     def __post_init__(self) -> None:
         check_fields(self, "ppo")
@@ -79,17 +107,19 @@ class PPOSettings:
 
 @dataclass(frozen=True)
 class SACSettings:
-    """Soft actor-critic."""
+    """Keyword arguments of `stable_baselines3.SAC`."""
 
     learning_rate: Annotated[float, Positive]
     buffer_size: Annotated[int, Count(at_least=1)]
+    learning_starts: Annotated[int, Count(at_least=1)]
     batch_size: Annotated[int, Count(at_least=2)]
+    tau: Annotated[float, Share]
+    gamma: Annotated[float, Discount]
+    train_freq: Annotated[int, Count(at_least=1)]
     gradient_steps: Annotated[int, Count(at_least=1)]
-    discount: Annotated[float, Discount]
-    target_rate: Annotated[float, Share]
-    warm_up: Annotated[int, Count(at_least=1)]
-    initial_entropy_weight: Annotated[float, Positive]
-    target_entropy: Annotated[float, Quantity("number")]
+    ent_coef: Annotated[float | str, EntropyCoefficient()]
+    target_entropy: Annotated[float | str, Quantity("number", words=("auto",))]
+    policy_kwargs: SACNetwork
 
     def __post_init__(self) -> None:
         check_fields(self, "sac")
@@ -103,24 +133,17 @@ class Training:
     ----------
     name, model : str
         Of the agent, and of the turbine model (or its file).
-    total_steps : int
+    total_timesteps : int
         Actions of single blades.
     environment : EnvironmentSettings
-    network : NetworkSettings
     algorithm : PPOSettings or SACSettings
     """
 
     name: str
     model: str
-    total_steps: int
+    total_timesteps: int
     environment: EnvironmentSettings
-    network: NetworkSettings
     algorithm: PPOSettings | SACSettings
-
-    @property
-    def discount(self) -> float:
-        """Per action."""
-        return self.algorithm.discount
 
 
 def load_training(path: str | os.PathLike[str]) -> Training:
@@ -141,12 +164,40 @@ def load_training(path: str | os.PathLike[str]) -> Training:
 def _training(table: dict[str, Any]) -> Training:
     kinds: dict[str, type[PPOSettings] | type[SACSettings]] = {"ppo": PPOSettings, "sac": SACSettings}
     algorithm = Choice(tuple(kinds)).check(table.get("algorithm"), "algorithm")
-    check_keys(table, ("name", "algorithm", "model", "total_steps", "environment", "network", algorithm), "")
+    _refuse_old_names(table, algorithm)
+    check_keys(table, ("name", "algorithm", "model", "total_timesteps", "environment", algorithm), "")
     return Training(
         name=check_name(table["name"]),
         model=Text().check(table["model"], "model"),
-        total_steps=Count(at_least=1).check(table["total_steps"], "total_steps"),
+        total_timesteps=Count(at_least=1).check(table["total_timesteps"], "total_timesteps"),
         environment=read(EnvironmentSettings, table["environment"], "environment"),
-        network=read(NetworkSettings, table["network"], "network"),
         algorithm=read(kinds[algorithm], table[algorithm], algorithm),
     )
+
+
+RENAMED = {
+    "discount": "gamma",
+    "rollout": "n_steps",
+    "epochs": "n_epochs",
+    "trace_decay": "gae_lambda",
+    "entropy_weight": "ent_coef",
+    "initial_log_std": "policy_kwargs.log_std_init",
+    "target_rate": "tau",
+    "warm_up": "learning_starts",
+    "initial_entropy_weight": 'ent_coef, written as "auto_0.01"',
+}
+"""What hyperparameters were called in files before they had Stable-Baselines3's names."""
+
+
+def _refuse_old_names(table: Mapping[str, Any], algorithm: str) -> None:
+    if "total_steps" in table:
+        raise ValueError("total_steps: now total_timesteps, as in Stable-Baselines3; rename it")
+    if "network" in table:
+        raise ValueError(
+            f"network: now {algorithm}.policy_kwargs, with net_arch and activation_fn, as in Stable-Baselines3; "
+            "rename hidden and activation"
+        )
+    chosen = table.get(algorithm)
+    for old, new in RENAMED.items():
+        if isinstance(chosen, Mapping) and old in chosen:
+            raise ValueError(f"{algorithm}.{old}: now {algorithm}.{new}, as in Stable-Baselines3; rename it")

@@ -2,29 +2,48 @@
 
 A field is declared once, `radius: Annotated[float, Quantity("length", above=0.0)]`; from that follow the unit accepted
 in files, the range, and the message that names the field, the value and what to write instead. The classes check
-themselves on construction, so `dataclasses.replace` cannot slip in what a file may not say.
+themselves on construction (`check_fields` in `__post_init__`), so `dataclasses.replace` cannot slip in what a file may
+not say.
+
+    one value        Quantity, Count, Flag, Text, Choice, FilePath
+    several          TupleOf, OneOrMore, PerBlade; Column, TextColumn and Numbers for arrays
+    none or one      OrNone
+    one of classes   Kind; a nested data class is its own specification, `tuple[Flap, ...]` one or more of them
+
+A class is made from a TOML table, whose numbers carry units, by `read`, and from plain SI numbers by `from_plain`. Both
+refuse keys they do not know and take a field's default where it has one.
 """
 
 from __future__ import annotations
 
 import difflib
+import math
+import os
 import re
 import typing
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, TypeVar
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.core.arrays import Array
-from flapgym.core.units import article, parse_quantity, show, unit_size
+from flapgym.core.units import article, parse_quantity, show, si_unit, unit_size
 from flapgym.core.wording import one_line, shown
 
 T = TypeVar("T")
 
 LONGEST_TEXT = 1000
 """Characters of a text in a file, which may be the path of another."""
+
+
+class Specification(Protocol):
+    """What a field may hold. One whose values stand otherwise in a file also has `parse(value, name)`."""
+
+    def check(self, value: object, name: str) -> Any:
+        """Return the value in its canonical type; a ValueError that begins with `name` if the field cannot hold it."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +61,9 @@ class _Bounded:
         return inside & np.isfinite(value)
 
     def describe(self, dimension: str) -> str:
-        """Return the range in words: "0 deg < angle <= 30 deg"."""
+        """Return the range in words: "an angle from 0 to 30 deg", "0 deg < angle <= 30 deg"."""
+        if self._closed:
+            return f"{article(dimension)} {self._from_to(dimension)}"
         left = [
             f"{show(b, dimension)} {s} " for b, s in ((self.above, "<"), (self.at_least, "<=")) if b > -np.inf
         ]
@@ -51,6 +72,16 @@ class _Bounded:
         ]
         plain = "" if left or right else "a finite "
         return plain + "".join(left) + dimension + "".join(right)
+
+    @property
+    def _closed(self) -> bool:
+        """Whether both ends belong to the range."""
+        return self.above == -np.inf and self.at_least > -np.inf and self.below == np.inf > self.at_most
+
+    def _from_to(self, dimension: str) -> str:
+        """The closed range with its unit said once: "from 0 to 30 deg"."""
+        low, high = show(self.at_least, dimension), show(self.at_most, dimension)
+        return f"from {low.partition(' ')[0]} to {high}"
 
 
 @dataclass(frozen=True)
@@ -76,7 +107,10 @@ class Quantity(_Bounded):
         if isinstance(value, str) and value in self.words:
             return value
         if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-            raise ValueError(f"{name}: expected {article(self.dimension)} in SI units, got {shown(value)}")
+            unit = si_unit(self.dimension)
+            what = f"{article(self.dimension)} as a number in {unit}" if unit else article(self.dimension)
+            words = "".join(f" or {word!r}" for word in self.words)
+            raise ValueError(f"{name}: expected {what}{words}, got {shown(value)}")
         number = as_float(value)
         if not self.holds(np.asarray(number)):
             given = show(number, self.dimension)
@@ -113,26 +147,35 @@ class PerBlade(_Bounded):
 class Count(_Bounded):
     """A whole number."""
 
-    def parse(self, value: object, name: str) -> int:
-        """Read a TOML value."""
-        return self.check(value, name)
-
     def check(self, value: object, name: str) -> int:
         """Refuse what is not a whole number in range."""
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
         if not whole or not self.holds(np.asarray(as_float(value))):
-            range_ = self.describe("number").replace("a finite ", "")
-            raise ValueError(f"{name}: expected a whole number, {range_}, got {shown(value)}")
+            raise ValueError(f"{name}: expected a whole number{self._range()}, got {shown(value)}")
         return int(typing.cast(int, value))
+
+    def _range(self) -> str:
+        if self._closed:
+            return f" {self._from_to('number')}"
+        if self == Count(at_least=self.at_least):
+            return "" if self.at_least == -np.inf else f" of at least {show(self.at_least, 'number')}"
+        return f", {self.describe('number')}"
+
+
+@dataclass(frozen=True)
+class Flag:
+    """True or False."""
+
+    def check(self, value: object, name: str) -> bool:
+        """Refuse what is no truth value."""
+        if not isinstance(value, bool | np.bool_):
+            raise ValueError(f"{name}: expected True or False, got {shown(value)}")
+        return bool(value)
 
 
 @dataclass(frozen=True)
 class Text:
     """A text of one line that is not empty."""
-
-    def parse(self, value: object, name: str) -> str:
-        """Read a TOML value."""
-        return self.check(value, name)
 
     def check(self, value: object, name: str) -> str:
         """Refuse what is not a text."""
@@ -152,15 +195,117 @@ class Choice:
 
     words: tuple[str, ...]
 
-    def parse(self, value: object, name: str) -> str:
-        """Read a TOML value."""
-        return self.check(value, name)
-
     def check(self, value: object, name: str) -> str:
         """Refuse what is none of the words."""
         if not isinstance(value, str) or value not in self.words:
-            raise ValueError(f"{name}: expected {' or '.join(map(repr, self.words))}, got {shown(value)}")
-        return value
+            raise ValueError(f"{name}: expected {_one_of(self.words)}, got {shown(value)}")
+        return str(value)  # NumPy has texts of its own
+
+
+@dataclass(frozen=True)
+class FilePath:
+    """The path of a file, which need not exist yet."""
+
+    what: str
+
+    def check(self, value: object, name: str) -> str:
+        """Refuse what is no path; return it as text."""
+        path = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+        if not isinstance(path, str) or not path:
+            raise ValueError(f"{name}: expected the path of {self.what}, got {shown(value)}")
+        return path
+
+
+@dataclass(frozen=True)
+class OrNone:
+    """None, where something else then decides, or a value of another specification."""
+
+    item: Specification
+
+    def parse(self, value: object, name: str) -> object:
+        """Read a TOML value."""
+        return _parsed(self.item, value, name)
+
+    def check(self, value: object, name: str) -> Any:
+        """Refuse what is neither None nor such a value."""
+        return None if value is None else self.item.check(value, name)
+
+
+@dataclass(frozen=True)
+class TupleOf:
+    """One or more values, each held to the same specification.
+
+    Attributes
+    ----------
+    item : Specification
+    length : int or None
+        How many, where that is fixed.
+    distinct : bool
+        Whether none may stand there twice.
+    """
+
+    item: Specification
+    length: int | None = None
+    distinct: bool = False
+
+    def parse(self, value: object, name: str) -> object:
+        """Read a TOML array, its numbers in SI."""
+        if not _is_row(value):
+            return value
+        return tuple(_parsed(self.item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+
+    def check(self, value: object, name: str) -> tuple[Any, ...]:
+        """Refuse another number of values, or one that does not fit."""
+        if not _is_row(value) or not len(value) or self.length not in (None, len(value)):
+            wanted = "one or more" if self.length is None else self.length
+            raise ValueError(f"{name}: expected a list of {wanted} values, got {shown(value)}")
+        checked = tuple(self.item.check(entry, f"{name}[{i}]") for i, entry in enumerate(value))
+        if self.distinct and len(set(checked)) < len(checked):
+            raise ValueError(f"{name}: expected each value once, got {', '.join(map(str, checked))}")
+        return checked
+
+
+@dataclass(frozen=True)
+class OneOrMore:
+    """One value for all, or a tuple of one for each; all held to the same specification."""
+
+    item: Specification
+
+    def parse(self, value: object, name: str) -> object:
+        """Read a TOML value or array, in SI."""
+        return TupleOf(self.item).parse(value, name) if _is_row(value) else _parsed(self.item, value, name)
+
+    def check(self, value: object, name: str) -> Any:
+        """Refuse a value that does not fit."""
+        return TupleOf(self.item).check(value, name) if _is_row(value) else self.item.check(value, name)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """An object of one of several data classes, or the mapping that describes it: its `kind` and its fields.
+
+    Attributes
+    ----------
+    interface : type
+        A runtime-checkable protocol; what has it already passes as it is, whoever wrote its class.
+    classes : dict of str to type
+        Data classes by the kind that a mapping can name, which is their class attribute `kind`, too.
+    example : dict
+        Such a mapping, for messages.
+    """
+
+    interface: type
+    classes: Mapping[str, type[Any]]
+    example: Mapping[str, Any]
+
+    def check(self, value: object, name: str) -> Any:
+        """Return the object that a mapping describes; refuse an unknown kind, and entries its class does not have."""
+        if isinstance(value, self.interface) and not isinstance(value, type):
+            return value
+        if not isinstance(value, Mapping):
+            raise ValueError(f"{name}: expected a mapping such as {dict(self.example)}, got {shown(value)}")
+        kind = Choice(tuple(self.classes)).check(value.get("kind"), f"{name}.kind")
+        return from_plain(self.classes[kind], {key: value[key] for key in value if key != "kind"}, name)
 
 
 @dataclass(frozen=True)
@@ -242,6 +387,13 @@ def as_float(value: Any) -> float:
         return float("inf") if value > 0 else float("-inf")
 
 
+def is_number(value: object) -> bool:
+    """Whether it is a finite real number, Python's or NumPy's, and no truth value."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    return isinstance(value, int) or math.isfinite(value)  # any int is; those past a double have no float
+
+
 def specification(cls: type) -> dict[str, Any]:
     """Return what each field of a data class may hold: a specification of this module, or a (nested) type."""
     hints = typing.get_type_hints(cls, include_extras=True)
@@ -251,21 +403,21 @@ def specification(cls: type) -> dict[str, Any]:
 def check_fields(instance: Any, section: str = "") -> None:
     """Check every declared field of a frozen data class and store it in its canonical type.
 
-    Called from `__post_init__`; `section` is the table's name in a file, for messages.
+    Called from `__post_init__`; `section` is the table's name in a file, for messages. Values are SI numbers; a nested
+    data class may be given as the mapping of its fields.
     """
     lengths = {}
     for key, spec in specification(type(instance)).items():
-        if hasattr(spec, "check"):
-            value = spec.check(getattr(instance, key), _dotted(section, key))
-            object.__setattr__(instance, key, value)
-            if isinstance(spec, Column | TextColumn):
-                lengths[key] = len(value)
+        value = _plain_value(spec, getattr(instance, key), _dotted(section, key))
+        object.__setattr__(instance, key, value)
+        if isinstance(spec, Column | TextColumn):
+            lengths[key] = len(value)
     if len(set(lengths.values())) > 1:
         raise ValueError(f"{section}: expected as many stations in each column, got {lengths}")
 
 
 def read(cls: type[T], table: object, section: str = "") -> T:
-    """Read a parsed TOML table into a data class; refuse a key that is unknown or missing.
+    """Read a parsed TOML table into a data class; refuse a key that is unknown, or missing without a default.
 
     Parameters
     ----------
@@ -281,13 +433,13 @@ def read(cls: type[T], table: object, section: str = "") -> T:
     specs = specification(cls)
     if any(isinstance(spec, Column) for spec in specs.values()):
         return cls(**_read_columns(specs, table, section))
-    check_keys(table, specs, section)
-    return cls(**{key: _read_value(spec, table[key], _dotted(section, key)) for key, spec in specs.items()})
+    check_keys(table, specs, section, _with_default(cls))
+    return cls(**{key: _read_value(specs[key], table[key], _dotted(section, key)) for key in table})
 
 
 def _read_value(spec: Any, value: object, name: str) -> Any:
-    if hasattr(spec, "parse"):
-        return spec.check(spec.parse(value, name), name)
+    if hasattr(spec, "check"):
+        return spec.check(_parsed(spec, value, name), name)
     if is_dataclass(spec):
         cls = typing.cast(type, spec)
         return value if isinstance(value, cls) else read(cls, value, name)
@@ -297,45 +449,79 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
     return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
 
 
+def _parsed(spec: Any, value: object, name: str) -> Any:
+    """A value as a file holds it, in SI."""
+    return spec.parse(value, name) if hasattr(spec, "parse") else value
+
+
 def to_plain(value: Any) -> Any:
     """A data class as nested dictionaries, lists and SI numbers, which JSON can hold and `from_plain` reads."""
     if is_dataclass(value):
-        return {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
+        kind = {"kind": value.kind} if hasattr(value, "kind") else {}
+        return kind | {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, np.ndarray | tuple):
         return [to_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
     return value
 
 
-def from_plain(cls: type[T], values: Mapping[str, Any], section: str = "") -> T:
-    """Make a data class of the nested dictionaries, lists and SI numbers that its fields were written as.
+def from_plain(cls: type[T], values: object, section: str = "") -> T:
+    """Make a data class of a mapping of its fields to plain values: SI numbers, texts, lists, mappings.
+
+    It reads what `to_plain` wrote, and what people give as keywords.
+
+    Parameters
+    ----------
+    cls : type
+        A data class whose fields carry specifications, or are such data classes or tuples of them.
+    values : mapping
+        Fields with a default may be left out.
+    section : str
+        Dotted name of the mapping, for messages.
 
     Raises
     ------
     ValueError
         If a key is unknown or missing, or a value out of range; the message names it.
     """
+    if not isinstance(values, Mapping):
+        raise ValueError(
+            f"{section}: expected a mapping of {', '.join(specification(cls))}, got {shown(values)}"
+        )
     specs = specification(cls)
-    check_keys(values, specs, section)
-    return cls(**{key: _plain_value(spec, values[key], _dotted(section, key)) for key, spec in specs.items()})
+    check_keys(values, specs, section, _with_default(cls))
+    return cls(**{key: _plain_value(specs[key], values[key], _dotted(section, key)) for key in values})
 
 
 def _plain_value(spec: Any, value: Any, name: str) -> Any:
+    """A value in the canonical type of its field; one of a type that specifies nothing as it is."""
     if hasattr(spec, "check"):
-        return value  # the class checks it
+        return spec.check(value, name)
     if is_dataclass(spec):
-        return from_plain(typing.cast(type, spec), value, name)
-    (item, _) = typing.get_args(spec)
-    return tuple(from_plain(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+        cls = typing.cast(type, spec)
+        return value if isinstance(value, cls) else from_plain(cls, value, name)
+    item, *_ = typing.get_args(spec) or (None,)
+    if typing.get_origin(spec) is tuple and is_dataclass(item):
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"{name}: expected a list of mappings, got {shown(value)}")
+        return tuple(_plain_value(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+    return value
 
 
-def check_keys(table: Mapping[str, object], known: Iterable[str], section: str) -> None:
-    """Refuse unknown and missing keys; the message names the nearest known key."""
-    known = list(known)
+def _with_default(cls: type) -> set[str]:
+    """Fields that may be left out."""
+    return {f.name for f in fields(cls) if f.default is not MISSING or f.default_factory is not MISSING}
+
+
+def check_keys(
+    table: Mapping[str, object], known: Iterable[str], section: str, optional: Iterable[str] = ()
+) -> None:
+    """Refuse unknown keys, and missing ones unless they are optional; the message names the nearest known key."""
+    known, optional = list(known), set(optional)
     for key in table:
         if key not in known:
             raise ValueError(f"{one_line(_dotted(section, key), 100)}: unknown key; {_suggest(key, known)}")
     for key in known:
-        if key not in table:
+        if key not in table and key not in optional:
             raise ValueError(f"{_dotted(section, key)}: missing; give it a value")
 
 
@@ -346,6 +532,19 @@ def _suggest(key: str, known: Iterable[str]) -> str:
 
 def _dotted(section: str, key: str) -> str:
     return f"{section}.{key}" if section else key
+
+
+def _one_of(words: Sequence[str]) -> str:
+    """A few words as a choice: "'a' or 'b'", "one of 'a', 'b', 'c'"."""
+    quoted = [repr(word) for word in words]
+    return " or ".join(quoted) if len(quoted) < 3 else f"one of {', '.join(quoted)}"
+
+
+def _is_row(value: object) -> typing.TypeGuard[Sequence[object]]:
+    """Whether it is an ordered row of values, not a text."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 1
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
 _HEADER = re.compile(r"\s*(\w+)\s*(?:\[(.*)\])?\s*")

@@ -12,6 +12,7 @@ DEGREE = math.pi / 180.0
 # dimension: accepted unit and its size in SI; messages show the first one
 UNITS: dict[str, dict[str, float]] = {
     "number": {"": 1.0, "%": 0.01},
+    "fraction": {"": 1.0, "%": 0.01},
     "length": {"m": 1.0, "mm": 1e-3, "km": 1e3},
     "length in rotor diameters": {"rotor diameters": 1.0},
     "time": {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
@@ -42,13 +43,19 @@ def article(dimension: str) -> str:
     return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
 
 
+def si_unit(dimension: str) -> str:
+    """Return the unit that a plain number of the dimension is in: "rad"; empty for a number without one."""
+    return next(unit for unit, size in UNITS[dimension].items() if size == 1.0)
+
+
 def unit_size(dimension: str, unit: str, name: str) -> float:
     """Size in SI of a unit; `name` is the field the message shall name."""
     known = UNITS[dimension]
     unit = " ".join(unit.split())
     if unit not in known:
-        expected = " or ".join(repr(key) for key in known if key)
-        raise ValueError(f"{name}: expected {article(dimension)} in {expected}, got the unit {shown(unit)}")
+        units = f"in {' or '.join(repr(key) for key in known if key)}"
+        expected = f"without a unit or {units}" if "" in known else units
+        raise ValueError(f"{name}: expected {article(dimension)} {expected}, got the unit {shown(unit)}")
     return known[unit]
 
 
@@ -58,7 +65,7 @@ def parse_quantity(value: object, dimension: str, name: str) -> float:
     Parameters
     ----------
     value : str, int or float
-        "10 deg", or a plain number where the dimension is "number".
+        "10 deg", or a plain number where the dimension has none of its own.
     dimension : str
         A key of `UNITS`.
     name : str
@@ -69,7 +76,8 @@ def parse_quantity(value: object, dimension: str, name: str) -> float:
     float
         The value in SI units and radians; finite.
     """
-    if isinstance(value, int | float) and not isinstance(value, bool) and dimension == "number":
+    unitless = "" in UNITS[dimension]
+    if isinstance(value, int | float) and not isinstance(value, bool) and unitless:
         try:
             found, size = float(value), 1.0
         except OverflowError:
@@ -77,10 +85,10 @@ def parse_quantity(value: object, dimension: str, name: str) -> float:
     else:
         # The expression's time grows faster than the text.
         match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) < 100 else None
-        if match is None or (not match[2] and dimension != "number"):
+        if match is None or not (match[2] or unitless):
             unit = next(iter(UNITS[dimension]))
-            example = "a number such as 0.5" if dimension == "number" else f'a text such as "1.5 {unit}"'
-            raise ValueError(f"{name}: expected {article(dimension)}, {example}, got {shown(value)}")
+            example = " such as 0.5" if unitless else f', a text such as "1.5 {unit}"'
+            raise ValueError(f"{name}: expected {article(dimension)}{example}, got {shown(value)}")
         found, size = float(match[1]), unit_size(dimension, match[2], name)
     if not math.isfinite(found):
         raise ValueError(f"{name}: expected a finite {dimension}, got {shown(value)}")

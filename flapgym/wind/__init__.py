@@ -4,5 +4,6 @@ from flapgym.wind.gusts import Gust, gust_of
 from flapgym.wind.realisation import realise
 from flapgym.wind.shaping_filter import von_karman_filter
 from flapgym.wind.spectrum import von_karman_spectrum
+from flapgym.wind.wind import Wind
 
-__all__ = ["Gust", "gust_of", "realise", "von_karman_filter", "von_karman_spectrum"]
+__all__ = ["Gust", "Wind", "gust_of", "realise", "von_karman_filter", "von_karman_spectrum"]

@@ -1,21 +1,21 @@
 """Winds that come beside the turbulence or in its place: step, ramp, sinusoid, IEC extreme operating gust, recording.
 
 All are homogeneous perturbations along the shaft about the mean wind, as functions of the time since an episode's
-start. An environment takes one as a mapping of plain values in SI units, `{"kind": "step", "start": 2.0, "size": 1.0}`.
+start. An environment takes one as a mapping of plain values in SI units, `{"kind": "step", "start": 2.0, "size": 1.0}`,
+or as an object with a `kind` and a method `wind` (`Gust`): another kind is another such class.
 """
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, replace
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Protocol, cast, runtime_checkable
 
 import numpy as np
 
 from flapgym.core.arrays import Array
-from flapgym.core.wording import number, shown
+from flapgym.core.fields import Choice, FilePath, Kind, OrNone, Quantity, check_fields
+from flapgym.core.fields import is_number as is_number  # the environments ask for it here
+from flapgym.core.wording import number
 from flapgym.wind.recording import WindSeries, read_wind
 
 EXTREME_GUST_DURATION = 10.5
@@ -29,20 +29,17 @@ ROUNDING = 1e-9
 """Time [s] by which a recording may end early."""
 STRONGEST = 100.0
 """Largest perturbation [m/s]: no wind has more, and the model is linear."""
-LIMITS = {
-    "size": (-STRONGEST, STRONGEST, "m/s"),
-    "amplitude": (-STRONGEST, STRONGEST, "m/s"),
-    "frequency": (1e-6, 50.0, "Hz"),  # the plant's samples may show less: `Sinusoid.check_samples`
-    "duration": (1e-3, 1e6, "s"),
-    "start": (-1e12, 1e12, "s"),  # recordings may count from 1970
-    "rotor_diameter": (1.0, 1000.0, "m"),
-    "hub_height": (1.0, 1000.0, "m"),
-}
-"""Least and largest value of each number, and its unit."""
+
+Perturbation = Quantity("speed", at_least=-STRONGEST, at_most=STRONGEST)
+Moment = Quantity("time", at_least=-1e12, at_most=1e12)  # recordings may count from 1970
+Dimension = OrNone(Quantity("length", at_least=1.0, at_most=1000.0))
 
 
+@runtime_checkable
 class Gust(Protocol):
-    """A wind given in advance."""
+    """A wind given in advance; `kind` is its name in a mapping and in what is saved."""
+
+    kind: ClassVar[str]
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s] since the episode's start, same shape, about the mean wind speed [m/s].
@@ -56,11 +53,12 @@ class Gust(Protocol):
 class Step:
     """Nothing before `start` [s], `size` [m/s] from then on."""
 
-    size: float
-    start: float = 0.0
+    kind: ClassVar[str] = "step"
+    size: Annotated[float, Perturbation]
+    start: Annotated[float, Moment] = 0.0
 
     def __post_init__(self) -> None:
-        _check(self)
+        check_fields(self, "gust")
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s]."""
@@ -71,12 +69,13 @@ class Step:
 class Ramp:
     """A straight rise to `size` [m/s] over `duration` [s] from `start` [s], which then stays."""
 
-    size: float
-    duration: float
-    start: float = 0.0
+    kind: ClassVar[str] = "ramp"
+    size: Annotated[float, Perturbation]
+    duration: Annotated[float, Quantity("time", at_least=1e-3, at_most=1e6)]
+    start: Annotated[float, Moment] = 0.0
 
     def __post_init__(self) -> None:
-        _check(self)
+        check_fields(self, "gust")
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s]."""
@@ -87,12 +86,14 @@ class Ramp:
 class Sinusoid:
     """`amplitude` [m/s] times the sine of `frequency` [Hz], which begins at `start` [s]."""
 
-    amplitude: float
-    frequency: float
-    start: float = 0.0
+    kind: ClassVar[str] = "sinusoid"
+    amplitude: Annotated[float, Perturbation]
+    # The plant's samples may show less: `check_samples`.
+    frequency: Annotated[float, Quantity("frequency", at_least=1e-6, at_most=50.0)]
+    start: Annotated[float, Moment] = 0.0
 
     def __post_init__(self) -> None:
-        _check(self)
+        check_fields(self, "gust")
 
     def check_samples(self, time_step: float) -> None:
         """Refuse, with a ValueError, a frequency that samples a time step [s] apart would show as another one."""
@@ -126,21 +127,15 @@ class ExtremeOperatingGust:
         D and the hub height [m]; those of the turbine it strikes by default (`on_turbine`).
     """
 
-    turbine_class: str = "I"
-    turbulence_class: str = "A"
-    start: float = 0.0
-    rotor_diameter: float | None = None
-    hub_height: float | None = None
+    kind: ClassVar[str] = "extreme_operating_gust"
+    turbine_class: Annotated[str, Choice(tuple(REFERENCE_SPEEDS))] = "I"
+    turbulence_class: Annotated[str, Choice(tuple(REFERENCE_INTENSITIES))] = "A"
+    start: Annotated[float, Moment] = 0.0
+    rotor_diameter: Annotated[float | None, Dimension] = None
+    hub_height: Annotated[float | None, Dimension] = None
 
     def __post_init__(self) -> None:
-        _check(self)
-        for name, known in (
-            ("turbine_class", REFERENCE_SPEEDS),
-            ("turbulence_class", REFERENCE_INTENSITIES),
-        ):
-            value = getattr(self, name)
-            if not isinstance(value, str) or value not in known:
-                raise ValueError(f"gust.{name}: expected one of {', '.join(known)}, got {shown(value)}")
+        check_fields(self, "gust")
 
     def on_turbine(self, rotor_diameter: float | None, hub_height: float | None) -> ExtremeOperatingGust:
         """The gust with a turbine's rotor diameter and hub height [m], if they are known, where it gives none."""
@@ -186,14 +181,12 @@ class Recorded:
         have been the value at that moment.
     """
 
-    file: str | os.PathLike[str]
-    start: float | None = None
+    kind: ClassVar[str] = "recorded"
+    file: Annotated[str, FilePath("a CSV file")]
+    start: Annotated[float | None, OrNone(Moment)] = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.file, (str, os.PathLike)):
-            raise ValueError(f"gust.file: expected the path of a CSV file, got {shown(self.file)}")
-        object.__setattr__(self, "file", os.fspath(self.file))
-        _check(self)
+        check_fields(self, "gust")
 
     def lasts(self) -> float:
         """Time [s] from the episode's start to the recording's end."""
@@ -239,13 +232,11 @@ class Recorded:
 
 
 GUSTS: dict[str, type[Any]] = {
-    "step": Step,
-    "ramp": Ramp,
-    "sinusoid": Sinusoid,
-    "extreme_operating_gust": ExtremeOperatingGust,
-    "recorded": Recorded,
+    gust.kind: gust for gust in (Step, Ramp, Sinusoid, ExtremeOperatingGust, Recorded)
 }
-"""Kinds of gust by the name that a mapping gives."""
+"""Kinds of gust that a mapping can name."""
+GUST = Kind(Gust, GUSTS, example={"kind": "step", "start": 2.0, "size": 1.0})
+"""What a field that holds a gust may hold."""
 
 
 def gust_of(given: Any) -> Gust:
@@ -256,44 +247,4 @@ def gust_of(given: Any) -> Gust:
     ValueError
         If it is no such mapping; the message names the entry.
     """
-    if not isinstance(given, Mapping):
-        raise ValueError(
-            f'gust: expected a mapping such as {{"kind": "step", "start": 2.0, "size": 1.0}}, got {shown(given)}'
-        )
-    kind = given.get("kind")
-    if not isinstance(kind, str) or kind not in GUSTS:
-        raise ValueError(f"gust.kind: expected one of {', '.join(GUSTS)}, got {shown(kind)}")
-    chosen = GUSTS[kind]
-    known = {field.name: field.default is MISSING for field in fields(chosen)}
-    entries = {name: value for name, value in given.items() if name != "kind"}
-    for name in entries:
-        if name not in known:
-            raise ValueError(f"gust.{name}: a {kind} has no such entry; known: kind, {', '.join(known)}")
-    missing = [name for name, needed in known.items() if needed and name not in entries]
-    if missing:
-        raise ValueError(f"gust.{missing[0]}: a {kind} needs it; known: kind, {', '.join(known)}")
-    gust: Gust = chosen(**entries)
-    return gust
-
-
-def is_number(value: object) -> bool:
-    """Whether it is a finite real number, Python's or NumPy's, and no truth value."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        return False
-    return isinstance(value, int) or math.isfinite(value)  # any int is; those past a double have no float
-
-
-def _check(gust: Any) -> None:
-    """Refuse numbers that are none, or beyond what they can sensibly be."""
-    for field in fields(gust):
-        value = getattr(gust, field.name)
-        if field.name not in LIMITS or (value is None and field.default is None):
-            continue
-        lowest, highest, unit = LIMITS[field.name]
-        if not is_number(value):
-            raise ValueError(f"gust.{field.name}: expected a finite number in SI units, got {shown(value)}")
-        if not lowest <= value <= highest:
-            raise ValueError(
-                f"gust.{field.name}: expected a number from {number(lowest)} to {number(highest)} {unit}, got "
-                f"{shown(value)}"
-            )
+    return cast(Gust, GUST.check(given, "gust"))

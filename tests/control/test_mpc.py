@@ -216,7 +216,7 @@ def test_a_batch_gives_what_each_entry_gives_alone():
 
 
 def test_bad_input_is_refused_by_name():
-    with pytest.raises(ValueError, match="preview: expected a whole number, 0 <= number, got -1"):
+    with pytest.raises(ValueError, match="preview: expected a whole number of at least 0, got -1"):
         PredictiveController("mpc", MODEL, FIERCE, preview=-1)
     with pytest.raises(ValueError, match="9 observations.*and 5 samples of coming wind, got 9"):
         PredictiveController("mpc", MODEL, FIERCE, preview=5).predict(np.zeros(9))

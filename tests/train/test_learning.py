@@ -22,10 +22,12 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 def _small(name):
     """The shipped run, cut down to what a smoke test may take."""
     training = load_training(CONFIGS / f"train-{name}.toml")
-    cut = {"batch_size": 32} | ({"rollout": 16} if name == "ppo" else {"warm_up": 30, "buffer_size": 1000})
+    cut = {"batch_size": 32} | (
+        {"n_steps": 16} if name == "ppo" else {"learning_starts": 30, "buffer_size": 1000}
+    )
     return replace(
         training,
-        total_steps=300,
+        total_timesteps=300,
         environment=replace(training.environment, turbines=2, duration=1.0),
         algorithm=replace(training.algorithm, **cut),
     )
@@ -36,7 +38,7 @@ def test_the_agent_acts_as_the_policy_that_was_trained(name, tmp_path):
     model, training = synthetic_model(), _small(name)
     env = environment(training, model)
     algorithm = learner(training, env, seed=0, tensorboard=None)
-    algorithm.learn(training.total_steps)
+    algorithm.learn(training.total_timesteps)
     from train.export import exported
 
     agent = exported(algorithm, training, model)
@@ -80,7 +82,7 @@ def test_the_program_writes_an_agent_for_each_seed(tmp_path):
     save_model(synthetic_model(), tmp_path / "model.safetensors")
     text = (CONFIGS / "train-ppo.toml").read_text(encoding="utf-8")
     text = text.replace('"nrel5mw-corrected"', f'"{tmp_path / "model.safetensors"}"')
-    text = text.replace("turbines = 64", "turbines = 2").replace("rollout = 64", "rollout = 8")
+    text = text.replace("turbines = 64", "turbines = 2").replace("n_steps = 64", "n_steps = 8")
     text = text.replace("batch_size = 2048", "batch_size = 48")
     (tmp_path / "run.toml").write_text(text, encoding="utf-8")
     assert main([str(tmp_path / "run.toml"), "--output", str(tmp_path), "--seeds", "2", "--steps", "96"]) == 0

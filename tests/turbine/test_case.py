@@ -33,7 +33,7 @@ def test_a_limit_out_of_range_is_refused_in_code_as_in_a_file(value):
 @pytest.mark.parametrize("wind_speed", [0.0, 4.99, 61.0, math.nan])
 def test_wind_beyond_what_the_model_holds_for_is_refused_with_the_range(wind_speed):
     with pytest.raises(
-        ValueError, match=r"^operating_point\.wind_speed: expected 5 m/s <= speed <= 60 m/s, got"
+        ValueError, match=r"^operating_point\.wind_speed: expected a speed from 5 to 60 m/s, got"
     ):
         altered("operating_point", wind_speed=wind_speed)
 

@@ -131,7 +131,7 @@ CASE_FAULTS = {
     "effectiveness": (
         '"glauert"',
         '"glaurt"',
-        "flap.effectiveness: expected a number, a number such as 0.5, got 'glaurt'; or write 'glauert'",
+        "flap.effectiveness: expected a number such as 0.5, got 'glaurt'; or write 'glauert'",
     ),
     "inside out flap": (
         "span_end = 0.9",
@@ -152,7 +152,7 @@ CASE_FAULTS = {
     "no wind": (
         '"11 m/s"',
         '"0 m/s"',
-        "operating_point.wind_speed: expected 5 m/s <= speed <= 60 m/s, got 0 m/s",
+        "operating_point.wind_speed: expected a speed from 5 to 60 m/s, got 0 m/s",
     ),
     "induction": (
         "induction = 0.0",

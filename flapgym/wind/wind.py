@@ -1,0 +1,122 @@
+"""The wind about its mean as one object: stationary turbulence, and a gust given in advance.
+
+A kind of wind of one's own is a class with a `kind`, its fields and `wind(time, mean)`; an object of it is the gust:
+
+    @dataclass(frozen=True)
+    class Bell:
+        kind: ClassVar[str] = "bell"
+        size: Annotated[float, Quantity("speed", at_least=-20.0, at_most=20.0)]  # [m/s]
+        middle: Annotated[float, Quantity("time", at_least=0.0)] = 10.0  # [s]
+        width: Annotated[float, Quantity("time", above=0.0)] = 2.0  # [s]
+
+        def __post_init__(self) -> None:
+            check_fields(self, "gust")
+
+        def wind(self, time: Array, mean: float) -> Array:
+            return self.size * np.exp(-0.5 * ((time - self.middle) / self.width) ** 2)
+
+    Wind(turbulence_intensity=0.0, gust=Bell(3.0))
+
+For a mapping to name it, `{"kind": "bell", "size": 3.0}`, it joins the classes of `flapgym.wind.gusts.GUSTS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from flapgym.core.arrays import Array
+from flapgym.core.fields import Count, Numbers, OneOrMore, OrNone, Quantity, check_fields
+from flapgym.wind.gusts import GUST, STRONGEST, ExtremeOperatingGust, Gust, Sinusoid, gust_of
+
+LARGEST_POOL = 1_000_000
+"""Realisations of a pool: each takes some kilobytes from the start and half a megabyte once it has been met."""
+
+
+@dataclass(frozen=True)
+class Wind:
+    """Perturbations along the shaft about the mean wind: turbulence drawn at random, plus a gust.
+
+    Attributes
+    ----------
+    turbulence_intensity : float, tuple of float, or None
+        Standard deviation over the mean wind speed, 0.1 for 10 %: one for all turbines, or one for each. The model's
+        own where it is None, as is the length scale.
+    length_scale : float or None
+        Integral length of the turbulence [m].
+    gust : Gust, mapping or None
+        An object, or the mapping that describes one, `{"kind": "step", "start": 2.0, "size": 1.0}`, which becomes it.
+    pool : int
+        Realisations of turbulence that all episodes share; 0 for a new one at each.
+    """
+
+    turbulence_intensity: Annotated[
+        float | tuple[float, ...] | None, OrNone(OneOrMore(Quantity("fraction", at_least=0.0, below=1.0)))
+    ] = None
+    length_scale: Annotated[float | None, OrNone(Quantity("length", at_least=1.0, at_most=1e5))] = None
+    gust: Annotated[Gust | Mapping[str, Any] | None, OrNone(GUST)] = None
+    pool: Annotated[int, Count(at_least=0, at_most=LARGEST_POOL)] = 0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "wind")
+        if self.gust is not None and self.pool:
+            raise ValueError(
+                f"wind.pool: expected 0 beside a gust, whose wind no pool holds, got {self.pool}"
+            )
+
+    def intensities(self, count: int, default: float) -> Array:
+        """Turbulence intensity of each of `count` turbines, (count,); `default` where none was given.
+
+        Raises
+        ------
+        ValueError
+            If there is neither one for all nor one for each.
+        """
+        chosen = default if self.turbulence_intensity is None else self.turbulence_intensity
+        if isinstance(chosen, tuple) and len(chosen) != count:
+            raise ValueError(
+                f"wind.turbulence_intensity: expected one number, or one for each of {count} environments, "
+                f"got {len(chosen)}"
+            )
+        return np.broadcast_to(np.asarray(chosen, dtype=np.float64), (count,)).copy()
+
+    def given(
+        self,
+        time: Array,
+        mean_speed: float,
+        rotor_diameter: float | None = None,
+        hub_height: float | None = None,
+    ) -> Array:
+        """What is known in advance of the perturbation [m/s], (T,): the gust; zero without one.
+
+        Parameters
+        ----------
+        time : (T,) float
+            Samples, evenly spaced, since the episode's start [s]; before it, negative.
+        mean_speed : float
+            [m/s]
+        rotor_diameter, hub_height : float or None
+            Of the turbine [m], if they are known: what an extreme operating gust takes where it gives none itself.
+
+        Raises
+        ------
+        ValueError
+            If the samples would show a sinusoid as a slower one, a recording ends before they do, an extreme gust
+            lacks the turbine's size, or the perturbation is not one finite number of at most 100 m/s at each time.
+        """
+        if self.gust is None:
+            return np.zeros(len(time))
+        gust = gust_of(self.gust)
+        if isinstance(gust, ExtremeOperatingGust):
+            gust = gust.on_turbine(rotor_diameter, hub_height)
+        elif isinstance(gust, Sinusoid) and len(time) > 1:
+            gust.check_samples(float(time[1] - time[0]))
+        wind = Numbers(dimension="speed", axes=1, at_least=-STRONGEST, at_most=STRONGEST).check(
+            gust.wind(time, mean_speed), f"gust {gust.kind}"
+        )
+        if wind.shape != time.shape:
+            raise ValueError(f"gust {gust.kind}: expected wind at {len(time)} times, got {len(wind)}")
+        return wind

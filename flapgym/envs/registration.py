@@ -22,8 +22,6 @@ class Registered:
         What it is, for its page: one sentence, then what a reader has to know.
     keywords : mapping
         Keywords that differ from the defaults of its class.
-    single, vector : str
-        Where the classes are.
     agents : str
         The set of shipped agents made for its turbine: a folder of `flapgym/control/agents`.
     """
@@ -31,8 +29,6 @@ class Registered:
     id: str
     summary: str
     keywords: Mapping[str, Any] = field(default_factory=dict)
-    single: str = "flapgym.envs.single:FlapEnv"
-    vector: str = "flapgym.envs.vector:FlapVectorEnv"
     agents: str = "nrel5mw-corrected"
 
 
@@ -41,50 +37,49 @@ _FAMILIES = (
     Registered(
         "flapgym/NREL5MWBlade",
         "The clamped single blade, the paper's design model: one flap, one moment.",
-        single="flapgym.envs.blade:BladeEnv",
-        vector="flapgym.envs.blade:BladeVectorEnv",
+        {"single_blade": True},
     ),
     Registered(
         "flapgym/NREL5MWGust",
         "The turbine in an extreme operating gust, in still air otherwise. The gust is that of IEC 61400-1 (2005) for "
         "class IA; it begins after 5 s and raises the wind by 4.2 m/s at its peak. Azimuth is all that differs between "
         "episodes.",
-        {"gust": {"kind": "extreme_operating_gust", "start": 5.0}, "turbulence_intensity": 0.0},
+        {"wind": {"gust": {"kind": "extreme_operating_gust", "start": 5.0}, "turbulence_intensity": 0.0}},
     ),
     Registered(
         "flapgym/NREL5MWNoisyDelayed",
         "The turbine whose moments are measured late and with noise. White noise of 20 kN m rms (some 2 % of the "
         "open-loop rms) and a delay of 49 ms, seven plant steps.",
-        {"measurement_noise": 2e4, "sensor_delay": 0.049},
+        {"sensors": {"noise": 2e4, "delay": 0.049}},
     ),
     Registered(
         "flapgym/NREL5MWActuatorLag",
         "The turbine whose flaps lag behind their commands. A flap's acceleration follows its command with a "
         "first-order lag of 50 ms; a controller that does not know of it loses phase.",
-        {"actuator_lag": 0.05},
+        {"actuators": {"lag": 0.05}},
     ),
     Registered(
         "flapgym/NREL5MWStuckFlap",
         "The turbine with the flap of blade 2 stuck at 5 deg. Its commands are ignored. The blade carries the steady "
         "load of that angle, which no other flap can take off: doing nothing earns about -1.05 a step here.",
-        {"stuck_flaps": [None, 0.08726646259971647, None]},
+        {"actuators": {"stuck": [None, 0.08726646259971647, None]}},
     ),
     Registered(
         "flapgym/NREL5MWFloatingFlap",
         "The turbine with the flap of blade 2 floating. Its actuator moves as commanded, but the flap has come loose "
         "and aligns itself with the flow: it does nothing to the air.",
-        {"flap_effectiveness": [1.0, 0.0, 1.0]},
+        {"actuators": {"effectiveness": [1.0, 0.0, 1.0]}},
     ),
     Registered(
         "flapgym/NREL5MWWeakFlap",
         "The turbine whose flap on blade 3 does 60 % of what the others do.",
-        {"flap_effectiveness": [1.0, 1.0, 0.6]},
+        {"actuators": {"effectiveness": [1.0, 1.0, 0.6]}},
     ),
     Registered(
         "flapgym/NREL5MWHeavyBlade",
         "The turbine with blade 1 heavier by 5 %, as ice can make it. The rotor is out of balance: the model follows "
         "the azimuth, and in still air the tower top moves 26 mm to either side once a revolution, the root moments "
-        "hardly. It is stepped sample by sample in numpy, whatever `kernel` and `precision` say, at about a hundredth "
+        "hardly. It is stepped sample by sample in numpy, whatever `backend` and `precision` say, at about a hundredth "
         "of the others' speed.",
         {"model": "nrel5mw-corrected-heavy-blade"},
     ),
@@ -116,8 +111,8 @@ def register_environments() -> None:
         if entry.id not in gymnasium.registry:
             gymnasium.register(
                 id=entry.id,
-                entry_point=entry.single,
-                vector_entry_point=entry.vector,
+                entry_point="flapgym.envs.single:FlapEnv",
+                vector_entry_point="flapgym.envs.vector:FlapVectorEnv",
                 kwargs=dict(entry.keywords),
                 # The environment itself sees to the order of calls and checks its actions; the wrappers that do it for
                 # others would take a tenth of a step.

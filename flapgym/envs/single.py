@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -11,32 +12,17 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.core.arrays import BLADES, FloatArray
 from flapgym.core.wording import shown
-from flapgym.envs.fleet import (
-    Fleet,
-    Info,
-    generator_of,
-    generator_state,
-    numbers,
-    refusal,
-    sample_info,
-    seed_number,
-    state_info,
-    true_or_false,
-    whole_seed,
-)
-from flapgym.envs.observation import DISPLACEMENTS
+from flapgym.envs.actions import FLOAT32, numbers, refuse_not_finite
 from flapgym.envs.rendering import Screen
 from flapgym.envs.settings import Settings
 from flapgym.envs.spec import completed
-from flapgym.envs.step_info import FullInfo, StepInfo
+from flapgym.envs.states import generator_of, generator_state, seed_number, true_or_false, whole_seed
+from flapgym.envs.turbines import Info, Turbines
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant import layout
-from flapgym.plant.interface import Quick, told
 
-# Made once: a step of one turbine costs a microsecond or two, and every look-up counts.
-empty, ndarray, FLOAT32, ROW = np.empty, np.ndarray, np.dtype(np.float32), layout.ROW
+if TYPE_CHECKING:
+    from flapgym.envs.compiled import CompiledTurbine
 
 
 class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -173,7 +159,6 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012 (Gymnasium's form)
 
-    single_blade = False
     _spec: EnvSpec | None = None
 
     def __init__(self, render_mode: str | None = None, **keywords: Any) -> None:
@@ -183,30 +168,38 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f'render_mode: expected None, "rgb_array" or "human", got {shown(render_mode)}')
         self.render_mode = render_mode
         self.settings = Settings.of(keywords, type(self).__name__)
-        self._fleet = Fleet(self.settings, 1, self.single_blade, self.settings.full_info)
-        self.observation_space = self._fleet.observation_space
-        self.action_space = self._fleet.action_space
-        self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._fleet.action_time)}
+        self._turbines = Turbines(self.settings, 1, self.settings.full_info)
+        self.observation_space = self._turbines.observation_space
+        self.action_space = self._turbines.action_space
+        self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._turbines.action_time)}
         self._running = False
-        self._plant, self._observed = self._fleet.plant, self._fleet.task.size
-        self._samples = self._fleet.samples()
-        """Where the plant samples go, if they are wanted; they are copied from there."""
-        self._quick, self._of_plant = self._quickest()
+        self._compiled = self._compile()
+        self._elapsed, self._last = 0, self._turbines.stepping.intervals
+        self._wind = self._turbines.quantities.last["wind"].start
         self._screen = (
-            None if render_mode is None else Screen(self._fleet.model, render_mode, self._fleet.action_time)
+            None
+            if render_mode is None
+            else Screen(self._turbines.model, render_mode, self._turbines.action_time)
         )
-        self._more = self._samples is not None or render_mode is not None
-        self._info = FullInfo if self.settings.full_info else StepInfo
+        self._full = self.settings.full_info or render_mode is not None
+
+    def _compile(self) -> CompiledTurbine | None:
+        """The turbine in compiled code, where there is any."""
+        if not self._turbines.compiles:
+            return None
+        from flapgym.envs.compiled import CompiledTurbine
+
+        return CompiledTurbine(self._turbines.plant, self._turbines.scoring)
 
     @property
     def model(self) -> TurbineModel:
         """The turbine model behind the environment."""
-        return self._fleet.model
+        return self._turbines.model
 
     @property
     def spec(self) -> EnvSpec | None:
         """What makes such an environment again, with the number of actions of an episode."""
-        return completed(self._spec, self._fleet.setup.intervals)
+        return completed(self._spec, self._turbines.stepping.intervals)
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
@@ -218,47 +211,71 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Begin an episode; see Starting State for the options."""
         turbine = np.zeros(1, dtype=np.int64)
         given = None if seed is None else whole_seed(seed)
-        chosen = self._fleet.chosen(turbine, options)  # before the seed, which a refused reset must not take
+        chosen = self._turbines.chosen(
+            turbine, options
+        )  # before the seed, which a refused reset must not take
         super().reset(seed=given)
-        observation, rows = self._fleet.begin(turbine, [self.np_random], chosen)
+        observation, infos = self._turbines.begin(turbine, [self.np_random], chosen)
+        self._load()
         self._running = True
-        info: Info = {
-            name: value[0] if value.ndim > 1 else float(value[0])
-            for name, value in state_info(rows, self._fleet.setup.blades).items()
-            if self.settings.full_info or name not in DISPLACEMENTS
-        }
         if self._screen is not None:
             self._screen.clear()
-            self._show(info)
-        return observation[0], info
+            self._show(_only(infos))
+        return observation[0], self._told(infos)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
-        """Hold the flap accelerations (3,) for `steps_per_action` plant steps."""
+        """Hold the flap accelerations (blades F,) for `steps_per_action` plant steps."""
         if not self._running:
             raise ResetNeeded("step: no episode is running; call reset first")
-        observation, row = empty(self._observed, FLOAT32), empty(ROW)
-        if action.__class__ is ndarray and action.dtype is FLOAT32 and action.ndim == 1:
-            status, reward, wind = self._quick(self._of_plant, action, observation, row)
-        else:
-            action = numbers(action, (BLADES,))
-            status, reward, wind = told(self._take, action, observation, row)
-        if status:
-            if status < 0:
-                raise refusal(numbers(action, (BLADES,)), status, BLADES)
+        if self._compiled is None:
+            return self._step_uncompiled(action)
+        # The very objects, as of every plain array: what else holds numbers is read first.
+        if action.__class__ is not np.ndarray or action.dtype is not FLOAT32 or action.ndim != 1:
+            action = numbers(action, self.action_space.shape or ())
+        elif action.shape != self.action_space.shape:
+            numbers(action, self.action_space.shape or ())
+        try:
+            observation, told = self._compiled.step(action)
+        except ValueError:
+            refuse_not_finite(numbers(action, self.action_space.shape or ()), self._turbines.quantities.flaps)
+            raise
+        self._elapsed += 1
+        wind, azimuth, _, _, *squares, reward, of_moments, of_angles, of_tower = told[self._wind :].tolist()
+        info: Info = {
+            "wind_perturbation": wind,
+            "azimuth": azimuth,
+            "reward_rbm": of_moments,
+            "reward_flap_angle": of_angles,
+            "reward_tower": of_tower,
+        }
+        if self._full:
+            infos = self._turbines.info(told[None])
+            if self._screen is not None:
+                self._show(_only(infos))
+            if self.settings.full_info:
+                info |= _only(infos)
+                info["rbm_mean_square"] = np.array(squares)
+        terminated, truncated = not math.isfinite(reward), self._elapsed >= self._last
+        if terminated or truncated:
             self._running = False
-        info = self._info()
-        info["wind_perturbation"] = wind
-        info.row = row
-        if self._more:
-            self._tell_more(info)
-        if status:
-            return observation, reward, status & 1 != 0, status & 2 != 0, info
-        return observation, reward, False, False, info
+        return observation, reward, terminated, truncated, info
+
+    def _step_uncompiled(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
+        """The same by the functions that many turbines take."""
+        values = numbers(action, self.action_space.shape or ())
+        observation, reward, terminated, truncated, infos = self._turbines.step(values[None])
+        self._elapsed += 1
+        self._running = not (terminated[0] or truncated[0])
+        if self._screen is not None:
+            self._show(_only(infos))
+        return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), self._told(infos)
 
     def get_state(self) -> dict[str, Any]:
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
+        if self._compiled is not None and self._running:
+            self._compiled.store()
         return {
-            **self._fleet.get_state(),
+            **self._turbines.get_state(),
             "running": self._running,
             "generator": generator_state(self.np_random),
             "seed": self.np_random_seed,
@@ -272,17 +289,18 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         ValueError
             If it is another environment's or damaged; nothing is changed then.
         """
-        own = self._fleet.read_state(
+        own = self._turbines.read_state(
             state, {"running": true_or_false, "generator": generator_of, "seed": seed_number}
         )
         if own["running"] and own["turbines"] == [None]:
             raise ValueError("state: running: damaged (no episode has begun); take it from get_state")
-        ((now, elapsed),) = self._fleet.go_on(own["turbines"])
+        ((now, elapsed),) = self._turbines.go_on(own["turbines"])
         if self._screen is not None:
             self._screen.resume(now, elapsed)
             if self.render_mode == "human":
                 self._screen.display()
-        self._running = own["running"]
+        self._load()
+        self._running, self._elapsed = own["running"], elapsed
         self._np_random, self._np_random_seed = own["generator"], own["seed"]
 
     def render(self) -> Any:
@@ -299,32 +317,39 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._screen is not None:
             self._screen.close()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """A copy's plant is elsewhere."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_quick", "_of_plant")}
+    def flap_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Angle and rate of every flap, (blades F,) each [rad, rad/s]."""
+        if self._compiled is not None:
+            self._compiled.store()
+        angle, rate = self._turbines.plant.flap_motion()
+        return angle[0], rate[0]
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._quick, self._of_plant = self._quickest()
+    def _load(self) -> None:
+        """Hand the turbine to the compiled code, as it is now."""
+        self._elapsed = 0
+        if self._compiled is not None:
+            self._compiled.load(self._turbines.noise_of(0))
 
-    def _quickest(self) -> Quick:
-        """The plant's quick step, which has no samples."""
-        return self._plant.quick if self._samples is None else (told, self._take)
-
-    def _take(self, actions: FloatArray, observation: NDArray[np.float32], row: NDArray[np.float64]) -> int:
-        """A step of the plant, with its samples."""
-        return self._plant.step(actions, observation, row, self._samples)
-
-    def _tell_more(self, info: Info) -> None:
-        """What is told or shown only if it is asked for."""
-        if self._samples is not None:
-            samples = sample_info(self._samples, BLADES)
-            info["samples"] = {name: value[0] for name, value in samples.items()}
-        if self._screen is not None:
-            self._show(info)
+    def _told(self, infos: Info) -> Info:
+        """What is told of the one turbine: numbers always, arrays under `full_info`, samples where recorded."""
+        only = _only(infos)
+        if self.settings.full_info:
+            return only
+        return {name: value for name, value in only.items() if not isinstance(value, np.ndarray)}
 
     def _show(self, info: Info) -> None:
         assert self._screen is not None
         self._screen.record(info)
         if self.render_mode == "human":
             self._screen.display()
+
+
+def _only(infos: Info) -> Info:
+    """The only turbine's row of every array; numbers as plain floats."""
+    row: Info = {}
+    for name, value in infos.items():
+        if isinstance(value, dict):
+            row[name] = {sample: part[0] for sample, part in value.items()}
+        else:
+            row[name] = value[0] if value.ndim > 1 else float(value[0])
+    return row

@@ -16,24 +16,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.core.arrays import Array
 from flapgym.core.wording import number, shown
-from flapgym.envs.fleet import (
-    UNREADABLE,
-    Fleet,
-    Info,
-    each_of,
-    generator_of,
-    generator_state,
-    numbers,
-    seed_number,
-    state_info,
-    true_or_false,
-    whole_seed,
-)
+from flapgym.envs.actions import UNREADABLE, numbers
 from flapgym.envs.rendering import SHOWN, Screen
 from flapgym.envs.settings import Settings
 from flapgym.envs.spec import completed
+from flapgym.envs.states import (
+    checked_observation,
+    each_of,
+    generator_of,
+    generator_state,
+    seed_number,
+    true_or_false,
+    whole_seed,
+)
+from flapgym.envs.turbines import Info, Turbines
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant.states import checked_observation
 
 Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
 MOST_TURBINES = 1_000_000
@@ -63,7 +60,6 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         Those of `FlapEnv`.
     """
 
-    single_blade = False
     _spec: EnvSpec | None = None
 
     def __init__(
@@ -99,17 +95,17 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         limit = keywords.pop("max_episode_steps", None)
         self.settings = Settings.of(keywords, type(self).__name__)
         try:
-            self._fleet = Fleet(self.settings, num_envs, self.single_blade)
+            self._turbines = Turbines(self.settings, num_envs)
         except MemoryError as error:
             raise ValueError(
                 f"num_envs: {num_envs} turbines do not fit into memory ({error}); take fewer"
             ) from None
-        if limit is not None and limit != self._fleet.setup.intervals:
+        if limit is not None and limit != self._turbines.stepping.intervals:
             raise ValueError(
-                f"max_episode_steps: expected {self._fleet.setup.intervals}, the actions of the duration of "
+                f"max_episode_steps: expected {self._turbines.stepping.intervals}, the actions of the duration of "
                 f"{number(self.settings.duration)} s, or none, got {shown(limit)}; give duration in its place"
             )
-        period = self._fleet.action_time
+        period = self._turbines.action_time
         self.metadata = {
             "render_modes": ["rgb_array"],
             "render_fps": round(1.0 / period),
@@ -118,8 +114,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._screens = [
             Screen(self.model, "rgb_array", period) for _ in range(num_envs if render_mode else 0)
         ]
-        self.single_observation_space = self._fleet.observation_space
-        self.single_action_space = self._fleet.action_space
+        self.single_observation_space = self._turbines.observation_space
+        self.single_action_space = self._turbines.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator] | None = None
@@ -131,12 +127,12 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     @property
     def model(self) -> TurbineModel:
         """The turbine model behind the environments."""
-        return self._fleet.model
+        return self._turbines.model
 
     @property
     def spec(self) -> EnvSpec | None:
         """What makes such an environment again, with the number of actions of an episode."""
-        return completed(self._spec, self._fleet.setup.intervals)
+        return completed(self._spec, self._turbines.stepping.intervals)
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
@@ -168,10 +164,11 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         mask = checked_mask(options, self.num_envs)
         turbines = np.flatnonzero(mask)
         further = {name: value for name, value in (options or {}).items() if name != "reset_mask"}
-        chosen = self._fleet.chosen(turbines, further)  # before the seed, which a refused reset must not take
+        chosen = self._turbines.chosen(
+            turbines, further
+        )  # before the seed, which a refused reset must not take
         generators = self._seeded(seed, mask)
-        observation, rows = self._fleet.begin(turbines, [generators[index] for index in turbines], chosen)
-        info = state_info(rows, self._fleet.setup.blades)
+        observation, info = self._turbines.begin(turbines, [generators[index] for index in turbines], chosen)
         self._observation[turbines] = observation
         self._ended[turbines], self._started[turbines] = False, True
         info = _scattered(info, turbines, self.num_envs)
@@ -186,7 +183,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             return self._step_then_reset_next(actions)
         if self._ended.any():
             raise ResetNeeded('step: an episode has ended; call reset with options={"reset_mask": mask}')
-        step = self._fleet.step(actions)
+        step = self._turbines.step(actions)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             return self._reset_ended(*step)
         observation, reward, terminated, truncated, info = step
@@ -205,7 +202,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     def get_state(self) -> dict[str, Any]:
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
         return {
-            **self._fleet.get_state(),
+            **self._turbines.get_state(),
             "generators": [generator_state(generator) for generator in self._seeded(None)],
             "seeds": list(self._seeds),
             "ended": self._ended.tolist(),
@@ -222,7 +219,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             If it is another environment's or damaged; nothing is changed then.
         """
         shape = self._observation.shape
-        own = self._fleet.read_state(
+        own = self._turbines.read_state(
             state,
             {
                 "generators": each_of(self.num_envs, generator_of),
@@ -237,7 +234,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             for started, episode in zip(own["started"], own["turbines"], strict=True)
         ):
             raise ValueError("state: started: damaged (no episode has begun); take it from get_state")
-        instants = self._fleet.go_on(own["turbines"])
+        instants = self._turbines.go_on(own["turbines"])
         for screen, (now, elapsed) in zip(self._screens, instants, strict=False):
             screen.resume(now, elapsed)
         self._generators, self._seeds = own["generators"], own["seeds"]
@@ -250,7 +247,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             values = numbers(actions, self.action_space.shape or ())
             values[restart] = 0.0
             actions = values
-        observation, reward, terminated, truncated, info = self._fleet.step(actions)
+        observation, reward, terminated, truncated, info = self._turbines.step(actions)
         stepped = ~self._ended
         if restart.size:
             first, first_info = self._begin(restart)
@@ -259,7 +256,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             _overwrite(info, first_info, restart)
         self._show(info, restart)
         everywhere = np.ones(self.num_envs, dtype=bool)
-        masks = {name: everywhere if name in STATE_INFO else stepped for name in info}
+        masks = {name: stepped if name in STEP_INFO else everywhere for name in info}
         self._ended = terminated | truncated
         self._observation = observation.copy()
         return observation, reward, terminated, truncated, _masked(info, masks)
@@ -290,6 +287,10 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._observation = observation.copy()
         return observation, reward, terminated, truncated, _masked(info, masks)
 
+    def flap_motion(self) -> tuple[Array, Array]:
+        """Angle and rate of every flap, (num_envs, blades F) each [rad, rad/s]."""
+        return self._turbines.plant.flap_motion()
+
     def _show(
         self, info: Info, begun: NDArray[np.int64] = NO_TURBINES, turbines: NDArray[np.int64] | None = None
     ) -> None:
@@ -302,9 +303,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
 
     def _begin(self, turbines: NDArray[np.int64]) -> tuple[NDArray[np.float32], Info]:
         generators = self._seeded(None)
-        chosen = self._fleet.chosen(turbines)
-        observation, rows = self._fleet.begin(turbines, [generators[index] for index in turbines], chosen)
-        return observation, state_info(rows, self._fleet.setup.blades)
+        chosen = self._turbines.chosen(turbines)
+        return self._turbines.begin(turbines, [generators[index] for index in turbines], chosen)
 
     def _seeded(
         self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_] | None = None
@@ -362,20 +362,8 @@ def checked_mask(options: Mapping[str, Any] | None, count: int) -> NDArray[np.bo
     return mask
 
 
-STATE_INFO = frozenset(
-    (
-        "rbm",
-        "tip_deflection",
-        "flap_angle",
-        "flap_rate",
-        "tower_top",
-        "wind_perturbation",
-        "azimuth",
-        "flap_travel",
-        "flap_stopped",
-    )
-)
-"""Entries of `info` that a reset gives as well as a step."""
+STEP_INFO = frozenset(("rbm_mean_square", "reward_rbm", "reward_flap_angle", "reward_tower", "samples"))
+"""Entries of `info` that a step gives and a reset does not."""
 
 
 def _copied(value: Any) -> Any:

@@ -15,7 +15,7 @@ from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
 from flapgym.core.fields import Count, Quantity
 from flapgym.core.wording import shown
-from flapgym.envs.observation import QUANTITIES
+
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.report import FILES, writable_folder, write_report

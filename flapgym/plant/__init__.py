@@ -1,1 +1,130 @@
-"""What runs fast."""
+"""What runs fast: flap actuators, modal form, superposition, and the plant of one or many turbines.
+
+Pure functions over named arrays: `step(parameters, episode, state, actions) -> state, loads`, in the ways that
+`flapgym.plant.backends` holds. Rewards and observations are the environments'.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Protocol
+
+from flapgym.core.arrays import Array, FloatArray, IntArray
+from flapgym.core.fields import Choice, Count
+from flapgym.model.turbine_model import TurbineModel
+from flapgym.plant.actuator import Faults
+from flapgym.plant.linear import LinearPlant
+from flapgym.plant.parameters import Loads, Stepping
+from flapgym.plant.periodic import PeriodicPlant
+from flapgym.plant.quantities import Quantities
+from flapgym.plant.start import GivenWind, Start
+
+__all__ = [
+    "BACKENDS",
+    "PRECISIONS",
+    "Faults",
+    "GivenWind",
+    "LinearPlant",
+    "Loads",
+    "PeriodicPlant",
+    "Plant",
+    "Quantities",
+    "Start",
+    "Stepping",
+    "chosen_backend",
+    "make_plant",
+]
+
+BACKENDS = ("auto", "numba", "numpy")
+PRECISIONS = ("float64", "float32")
+
+
+class Plant(Protocol):
+    """n turbines that are advanced by actions: what an environment asks of whatever stands for a turbine.
+
+    Attributes
+    ----------
+    count : int
+        Turbines n.
+    stepping : Stepping
+    quantities : Quantities
+        What it tells.
+    fingerprint : str
+        Of every number that decides how the plant moves.
+    """
+
+    count: int
+    stepping: Stepping
+    quantities: Quantities
+    fingerprint: str
+
+    @property
+    def noise_count(self) -> int:
+        """Standard normal numbers one turbine's realisation takes."""
+        ...
+
+    @property
+    def elapsed(self) -> IntArray:
+        """Actions since each turbine's reset, (n,)."""
+        ...
+
+    def reset(self, turbines: IntArray, start: Start) -> Loads:
+        """Begin an episode of m turbines; their loads at sample 0."""
+        ...
+
+    def step(self, actions: FloatArray) -> Loads:
+        """Hold actions (n, blades F), finite fractions of the acceleration limits, for k plant steps."""
+        ...
+
+    def flap_motion(self) -> tuple[Array, Array]:
+        """Angle and rate of every flap, (n, blades F) each [rad, rad/s]."""
+        ...
+
+    def get_state(self, turbine: int) -> dict[str, object]:
+        """What changes of a turbine, but for its realisation, as plain values for JSON."""
+        ...
+
+    def set_state(self, turbine: int, state: dict[str, object]) -> None:
+        """Go on from there; `reset` with the same realisation comes before."""
+        ...
+
+
+def chosen_backend(backend: str, precision: str = "float64") -> str:
+    """The backend that "auto" means here; any other is what it says.
+
+    Raises
+    ------
+    ValueError
+        If backend or precision is unknown.
+    ImportError
+        If numba is asked for and is not installed.
+    """
+    Choice(BACKENDS).check(backend, "backend")
+    Choice(PRECISIONS).check(precision, "precision")
+    installed = importlib.util.find_spec("numba") is not None
+    if backend == "numba" and not installed:
+        raise ImportError('backend: numba is not installed; pip install numba, or take "numpy"')
+    if backend == "auto":
+        return "numba" if installed else "numpy"
+    return backend
+
+
+def make_plant(model: TurbineModel, count: int, stepping: Stepping, backend: str = "auto") -> Plant:
+    """The plant of n turbines. A model whose blades differ has one of its own, in numpy.
+
+    Raises
+    ------
+    ValueError
+        If the backend or the precision is unknown.
+    ImportError
+        If numba is asked for and is not installed.
+    """
+    chosen = chosen_backend(backend, stepping.precision)
+    Count(at_least=1).check(count, "make_plant.count")
+    if model.periodic is not None and not stepping.single_blade:
+        return PeriodicPlant(model, count, stepping)
+    if chosen == "numpy":
+        from flapgym.plant.backends.numpy import step
+    else:
+        from flapgym.plant.backends.numba import step  # a second of imports, for those who step
+    return LinearPlant(model, count, stepping, step)

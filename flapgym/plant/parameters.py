@@ -256,7 +256,9 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
     """The constants of a step."""
     k, blades, flaps = stepping.steps_per_action, stepping.blades, len(model.flaps)
     turn, lag, dt = kernel.turn, stepping.faults.lag, model.time_step
-    lifted = lift(kernel.flap, k, kernel.rows.matrix(turn)[: kernel.rows.structural], input_frame(k, turn, flaps))
+    lifted = lift(
+        kernel.flap, k, kernel.rows.matrix(turn)[: kernel.rows.structural], input_frame(k, turn, flaps)
+    )
     # Motion of every flap in every component alike; the last sample's acts on the outputs alone.
     each = np.eye(BLADES * flaps)
     free = np.kron(free_motion(k, dt, lag), each)
@@ -338,7 +340,9 @@ def _wanted(modal: Modal, rows: OutputRows, fixed: int) -> Modal:
 def blade_as_turbine(model: TurbineModel) -> StateSpace:
     """The clamped blade in the place of a turbine's collective component; the other components and the tower rest."""
     blade, turbine = model.blade, model.turbine
-    inputs = [turbine.inputs.index(f"{name}_0") for name in blade.inputs[:-1]] + [turbine.inputs.index("wind")]
+    inputs = [turbine.inputs.index(f"{name}_0") for name in blade.inputs[:-1]] + [
+        turbine.inputs.index("wind")
+    ]
     outputs = [turbine.outputs.index(f"{name}_0") for name in blade.outputs]
     B = np.zeros((blade.order, len(turbine.inputs)))
     C, D = np.zeros((len(turbine.outputs), blade.order)), np.zeros(turbine.D.shape)

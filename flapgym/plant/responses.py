@@ -97,7 +97,11 @@ class Responses:
 
     def __init__(self, kernel: Kernel, count: int, stepping: Stepping, reference_intensity: float) -> None:
         self._kernel, self._stepping, self._reference = kernel, stepping, reference_intensity
-        self._pool = shared_pool(kernel, stepping.intervals, stepping.pool, stepping.precision) if stepping.pool else None
+        self._pool = (
+            shared_pool(kernel, stepping.intervals, stepping.pool, stepping.precision)
+            if stepping.pool
+            else None
+        )
         places = count if self._pool is None else 0
         self._own_rows = np.zeros((places, stepping.intervals, kernel.rows.count), dtype=stepping.precision)
         self.place = np.arange(count) if self._pool is None else np.zeros(count, dtype=np.int64)

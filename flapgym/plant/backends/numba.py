@@ -359,7 +359,9 @@ def turbine_in(own, modes, responses):  # type: ignore[no-untyped-def]
     elapsed, place = np.empty(1, np.int64), np.empty(1, np.int64)
     elapsed[0], place[0] = int(own[0]), int(own[1])
     flaps = own[4:].reshape((4, (own.size - 4) // 4, 1))
-    return Episode(own[2:3], responses, place, own[3:4]), State(elapsed, flaps, modes.reshape((modes.size, 1)))
+    return Episode(own[2:3], responses, place, own[3:4]), State(
+        elapsed, flaps, modes.reshape((modes.size, 1))
+    )
 
 
 def turbine_packed(episode: Episode, state: State) -> tuple[Array, FloatArray]:
@@ -397,9 +399,7 @@ def _entry(edition: int) -> Any:
 _step = _entry(EDITION)
 
 
-def step(
-    parameters: Parameters, episode: Episode, state: State, actions: FloatArray
-) -> tuple[State, Loads]:
+def step(parameters: Parameters, episode: Episode, state: State, actions: FloatArray) -> tuple[State, Loads]:
     """Hold actions for k plant steps; as `flapgym.plant.backends.numpy.step`."""
     after, loads = _step(parameters, episode, state, actions)
     return after, loads

@@ -44,7 +44,7 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     wind = episode.responses[episode.place, at] * episode.level[:, None]
     rows = rows.T.astype(float)
     rows += wind[:, : rows.shape[1]]
-    flaps = _flaps_after(p, state.flaps, motion, command)
+    flaps = flaps_after(p, state.flaps, motion, command)
     elapsed = state.elapsed + 1
     transform = _to_blades(azimuth, p.blades)
     blade_rows = rows[:, : rows.shape[1] - p.fixed_outputs * p.kept].reshape(n, -1, BLADES) @ transform
@@ -119,7 +119,7 @@ def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tupl
     return after, p.read @ modes + p.feed @ given
 
 
-def _flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Array) -> Array:
+def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Array) -> Array:
     """Flaps of the state (4, blades F, n) after a motion."""
     lagged = command + parameters.lag_decay**parameters.steps * (flaps[2] - command)
     travel = flaps[3] + np.abs(np.diff(motion[:, 0], axis=0)).sum(axis=0)

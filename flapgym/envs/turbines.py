@@ -1,0 +1,476 @@
+"""What one and many environments share: n turbines, their task, sensors and randomness."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flapgym.core.arrays import BLADES, Array, BoolArray, IntArray
+from flapgym.core.fields import to_plain
+from flapgym.core.state_space import series
+from flapgym.core.wording import number, shown
+from flapgym.envs.actions import UNREADABLE, numbers, refuse_not_finite
+from flapgym.envs.settings import Settings
+from flapgym.envs.states import (
+    DAMAGE,
+    Reader,
+    checked_state,
+    fresh,
+    generator_of,
+    generator_state,
+    read_entry,
+    reason,
+)
+from flapgym.envs.task import CHEAP, observe, rewards
+from flapgym.model.turbine_model import TurbineModel
+from flapgym.plant import LinearPlant, Loads, Start, Stepping, chosen_backend, make_plant
+from flapgym.plant.fingerprint import fingerprint
+from flapgym.reduction import output_rms
+from flapgym.wind import von_karman_filter
+
+RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turbulence_intensity")
+TOWER_TOP = ("tower_fore_aft", "tower_side_side")
+"""Of the fixed outputs, what comes together in `info`."""
+FRACTION = "a fraction of at least 0 and below 1 (0.10 is 10 %)"
+"""What a turbulence intensity must be."""
+
+Info = dict[str, Any]
+Origin = dict[str, Any]
+"""Where an episode comes from: the generator's state before its draws, and the options of the reset."""
+
+
+class Episode(NamedTuple):
+    """What a turbine goes on from.
+
+    Attributes
+    ----------
+    origin : Origin
+    generator : Generator
+        As it was before the draws of the episode's start.
+    plant : dict
+        Of `flapgym.envs.states.checked_state`, with the late moments if the sensors are late.
+    """
+
+    origin: Origin
+    generator: np.random.Generator
+    plant: dict[str, Any]
+
+
+class Turbines:
+    """n turbines under one set of settings. Everything it returns has a leading axis of turbines and is fresh.
+
+    Parameters
+    ----------
+    settings : Settings
+    count : int
+        Number of turbines n.
+    full_info : bool
+        Whether deflections are told beside what is observed.
+    """
+
+    def __init__(self, settings: Settings, count: int, full_info: bool = True) -> None:
+        self.settings, self.count = settings, count
+        model = settings.turbine_model()
+        self.model = with_blade_rms(model) if settings.single_blade else model
+        task, wind = settings.task, settings.wind
+        self._delay = settings.sensors.delay_steps(self.model.time_step)
+        # A late moment is looked up among the samples, and so is what weighs at every one of them.
+        every = settings.record_samples or task.tower_weight > 0.0 or self._delay > 0
+        self.stepping = Stepping(
+            steps_per_action=settings.steps_per_action,
+            intervals=settings.intervals(self.model.time_step),
+            length_scale=self.model.length_scale if wind.length_scale is None else wind.length_scale,
+            every_sample=every,
+            record=settings.record_samples or self._delay > 0,
+            displacements=every or full_info or not CHEAP.issuperset(task.observe),
+            faults=settings.actuators.faults(self.model),
+            single_blade=settings.single_blade,
+            precision=settings.precision,
+            pool=wind.pool,
+        )
+        self.quantities = self.stepping.quantities(self.model)
+        self.scoring = task.on(self.model, self.quantities)
+        self.intensity = wind.intensities(count, self.model.turbulence_intensity)
+        # Kept, because a plant computes the response to a gust it has met before only once.
+        self._gust = settings.given_wind(self.model)
+        self.plant = make_plant(self.model, count, self.stepping, settings.backend)
+        blades = self.quantities.blades
+        self._noise = np.empty((count, 0, 0))
+        """Of the sensors, (n, intervals + 1, blades) [N m]; of size 0 without any."""
+        if settings.sensors.noise:
+            self._noise = np.zeros((count, self.stepping.intervals + 1, blades))
+        self._past = np.zeros((count, self._delay, blades))
+        """Moments of the last samples, the oldest first [N m], as far as the sensors are late."""
+        # Once, and as a text, of which every state has a copy of its own.
+        self._made_by = json.dumps(self._identity(), default=_plain)
+        self._entries = self._plant_state(0)
+        """Names and shapes of what a turbine's state holds."""
+        bound = self.scoring.bounds.astype(np.float32)
+        self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
+        actions = blades * self.quantities.flaps
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), dtype=np.float32)
+        self._origins: list[Origin | None] = [None] * count
+
+    @property
+    def action_time(self) -> float:
+        """Time for which an action is held [s]."""
+        return self.stepping.steps_per_action * self.model.time_step
+
+    @property
+    def compiles(self) -> bool:
+        """Whether one turbine can be stepped by `flapgym.envs.compiled`."""
+        return (
+            isinstance(self.plant, LinearPlant)
+            and not self.stepping.record
+            and chosen_backend(self.settings.backend) == "numba"
+        )
+
+    def noise_of(self, turbine: int) -> Array:
+        """Measurement noise of a turbine over its episode, (intervals + 1, blades) [N m], or of size 0."""
+        return self._noise[turbine]
+
+    def begin(
+        self,
+        turbines: IntArray,
+        generators: Sequence[np.random.Generator],
+        chosen: Sequence[Origin],
+    ) -> tuple[np.ndarray, Info]:
+        """Start an episode of m turbines, each with randomness from its own generator and with what was `chosen`.
+
+        Returns
+        -------
+        observation : (m, size) float32
+        info : dict
+            Of the first sample.
+        """
+        origins = [
+            {"generator": generator.bit_generator.state} | each
+            for generator, each in zip(generators, chosen, strict=True)
+        ]
+        loads = self._reset(turbines, generators, chosen)
+        for turbine, origin in zip(turbines, origins, strict=True):
+            self._origins[turbine] = origin
+        now = self._noise[turbines, 0] if self._noise.size else None
+        return observe(self.scoring, loads.last, now), self.info(loads.last)
+
+    def _reset(
+        self,
+        turbines: IntArray,
+        generators: Sequence[np.random.Generator],
+        chosen: Sequence[Origin],
+    ) -> Loads:
+        start, noise = self._start(turbines, generators, chosen)
+        loads = self.plant.reset(turbines, start)
+        if noise is not None:
+            self._noise[turbines] = noise[:, :, : self.quantities.blades]
+        # Before an episode the moments are taken to have been those of its first sample.
+        self._past[turbines] = loads.last[:, None, self.quantities.last["rbm"]]
+        return loads
+
+    def step(self, actions: ArrayLike) -> tuple[np.ndarray, Array, BoolArray, BoolArray, Info]:
+        """Advance every turbine by one action (n, blades F).
+
+        Turbines whose episode is over are advanced too: what is returned for them has no meaning.
+        """
+        values = numbers(actions, (self.count, *(self.action_space.shape or ())))
+        refuse_not_finite(values, self.quantities.flaps)
+        loads = self.plant.step(values)
+        elapsed = self.plant.elapsed
+        now = None
+        if self._noise.size:
+            now = self._noise[np.arange(self.count), np.minimum(elapsed, self.stepping.intervals)]
+        observation = observe(self.scoring, self._as_measured(loads), now)
+        scores = rewards(self.scoring, loads)
+        info = self.info(loads.last)
+        info["rbm_mean_square"] = loads.rbm_square
+        for column, name in enumerate(("reward_rbm", "reward_flap_angle", "reward_tower"), start=1):
+            info[name] = scores[:, column].copy()
+        if self.settings.record_samples:
+            info["samples"] = {
+                name: loads.samples[:, :, place if name in self.per_blade else place.start].copy()
+                for name, place in self.quantities.sample.items()
+            }
+        reward = scores[:, 0].copy()
+        return observation, reward, ~np.isfinite(reward), elapsed >= self.stepping.intervals, info
+
+    @property
+    def per_blade(self) -> tuple[str, ...]:
+        """Quantities with a number for each blade or flap, however many those are."""
+        return (*self.quantities.blade_outputs, "flap_angle", "flap_rate", "flap_travel", "flap_stopped")
+
+    def _as_measured(self, loads: Loads) -> Array:
+        """The plant's numbers with the moments as late as the sensors are."""
+        if not self._delay:
+            return loads.last
+        moments = loads.samples[:, :, self.quantities.sample["rbm"]]
+        seen = np.concatenate([self._past, moments], axis=1)
+        self._past = seen[:, -self._delay :]
+        late = loads.last.copy()
+        late[:, self.quantities.last["rbm"]] = seen[:, -self._delay - 1]
+        return late
+
+    def info(self, last: Array) -> Info:
+        """SI quantities of the last sample, for n turbines; copies, because a view would keep all numbers alive."""
+        told: Info = {}
+        for name, place in self.quantities.last.items():
+            if name == "heading" or (name == "azimuth" and self.quantities.blades == 1):
+                continue
+            told[name] = last[:, place if name in self.per_blade else place.start].copy()
+        told["wind_perturbation"] = told.pop("wind")
+        told["flap_stopped"] = told["flap_stopped"] != 0.0
+        if self.quantities.blades == BLADES:
+            told["tower_top"] = np.stack([told.pop(name) for name in TOWER_TOP], axis=1)
+        return told
+
+    def get_state(self) -> dict[str, Any]:
+        """The state of all turbines as plain values for JSON."""
+        return {
+            "made_by": json.loads(self._made_by),
+            "turbines": self._turbines(),
+        }
+
+    def read_state(self, state: Mapping[str, Any], further: Mapping[str, Reader]) -> dict[str, Any]:
+        """A state of the same model and settings, checked whole; nothing is changed.
+
+        Parameters
+        ----------
+        state : mapping
+            Of `get_state`, with what the environment has put beside.
+        further : mapping
+            Names of that, and what reads each: one environment's state is not that of a vector of one.
+
+        Returns
+        -------
+        dict
+            That, read, and "turbines" for `go_on`.
+
+        Raises
+        ------
+        ValueError
+            If the state is another environment's or damaged.
+        """
+        if not isinstance(state, Mapping) or not isinstance(state.get("made_by"), Mapping):
+            raise ValueError("state: expected what get_state of such an environment returned")
+        readers = {**further, "turbines": self._read_turbines}
+        made_by = state["made_by"]
+        for name, own in json.loads(self._made_by).items():
+            if made_by.get(name) != own:
+                raise ValueError(
+                    f"state: made by an environment with {name} {shown(made_by.get(name))}, this one has {shown(own)}"
+                )
+        return {name: read_entry(state, name, reader) for name, reader in readers.items()}
+
+    def go_on(self, episodes: Sequence[Episode | None]) -> list[tuple[Info | None, int]]:
+        """Go on from the turbines of a state that was read, bit for bit.
+
+        Returns
+        -------
+        list of (dict or None, int)
+            Of each turbine what a picture can show before the next step, flap angles and azimuth, and the actions since
+            its reset.
+        """
+        instants: list[tuple[Info | None, int]] = [(None, 0)] * self.count
+        for turbine, episode in enumerate(episodes):
+            self._origins[turbine] = None if episode is None else episode.origin
+            if episode is None:
+                continue
+            # The realisation is drawn again; what became of the turbine in it is taken from the state.
+            loads = self._reset(np.array([turbine]), [episode.generator], [episode.origin])
+            self.plant.set_state(turbine, episode.plant)
+            if self._delay:
+                self._past[turbine] = episode.plant["past"]
+            elapsed = episode.plant["elapsed"]
+            now: Info = {"flap_angle": episode.plant["flaps"][0]}
+            if self.quantities.blades == BLADES:
+                start = loads.last[0, self.quantities.last["azimuth"].start]
+                now["azimuth"] = float(start + self.model.rotor_speed * self.action_time * elapsed)
+            instants[turbine] = now, elapsed
+        return instants
+
+    def _plant_state(self, turbine: int) -> dict[str, Any]:
+        late = {"past": self._past[turbine].tolist()} if self._delay else {}
+        return self.plant.get_state(turbine) | late
+
+    def _turbines(self) -> list[dict[str, Any] | None]:
+        return [
+            None if origin is None else {"origin": fresh(origin), "plant": self._plant_state(turbine)}
+            for turbine, origin in enumerate(self._origins)
+        ]
+
+    def _read_turbines(self, entries: Sequence[Mapping[str, Any] | None]) -> list[Episode | None]:
+        """What every turbine goes on from; None where no episode has begun."""
+        if len(entries) != self.count:
+            raise ValueError(f"expected {self.count} turbines, got {len(entries)}")
+        episodes = list[Episode | None]()
+        for turbine, entry in enumerate(entries):
+            try:
+                episodes.append(None if entry is None else self._read_episode(entry))
+            except DAMAGE as error:
+                raise ValueError(f"turbine {turbine}: {reason(error)}") from None
+        return episodes
+
+    def _read_episode(self, entry: Mapping[str, Any]) -> Episode:
+        """A turbine's entry; its origin is under the rules of a reset's options."""
+        origin = entry["origin"]
+        given = {name: origin[name] for name in RESET_OPTIONS if origin[name] is not None}
+        (chosen,) = self.chosen(np.zeros(1, dtype=np.int64), given)
+        generator = generator_of(origin["generator"])
+        return Episode(
+            {"generator": generator_state(generator), **chosen},
+            generator,
+            checked_state(entry["plant"], self._entries, self.model, self.stepping),
+        )
+
+    def _identity(self) -> dict[str, Any]:
+        """What two environments must share for a state of one to mean the same to the other."""
+        settings = {
+            field.name: to_plain(getattr(self.settings, field.name))
+            for field in dataclasses.fields(self.settings)
+            if field.name not in ("model", "backend", "wind")
+        }
+        wind = to_plain(dataclasses.replace(self.settings.wind, gust=None))
+        return {
+            "model": self.plant.fingerprint,
+            "num_envs": self.count,
+            # The wind itself: a recording may have changed under its name, or have another.
+            "gust": None if self._gust is None else fingerprint([self._gust.wind], [self._gust.before])[:16],
+            "wind": wind,
+            **settings,
+        }
+
+    def chosen(self, turbines: IntArray, options: Mapping[str, Any] | None = None) -> list[Origin]:
+        """The reset options of each of m turbines as plain values; what is left to chance is None.
+
+        Raises
+        ------
+        ValueError
+            If an option is unknown or impossible. Nothing has changed yet: no generator, no turbine.
+        """
+        n, flaps, blades = self.count, self.model.flaps, self.quantities.blades
+        options = {} if options is None else options
+        if not isinstance(options, Mapping):
+            raise ValueError(f"options: expected a dict of {', '.join(RESET_OPTIONS)}, got {shown(options)}")
+        for name in options:
+            if name not in RESET_OPTIONS:
+                raise ValueError(f"options: no {shown(name)}; known: {', '.join(RESET_OPTIONS)}")
+        of_angle = np.tile([flap.angle_limit for flap in flaps], blades)
+        of_rate = np.tile([flap.rate_limit for flap in flaps], blades)
+        angle = _option(options, "flap_angle", (n, of_angle.size), of_angle)
+        rate = _option(options, "flap_rate", (n, of_rate.size), of_rate)
+        azimuth = _option(options, "azimuth", (n,)) if "azimuth" in options else None
+        intensity = self.intensity
+        if "turbulence_intensity" in options:
+            intensity = _option(options, "turbulence_intensity", (n,))
+            if intensity.min() < 0.0 or intensity.max() >= 1.0:
+                given = options["turbulence_intensity"]
+                raise ValueError(f"options.turbulence_intensity: expected {FRACTION}, got {shown(given)}")
+        seeds = _seeds(options, n, self.stepping.pool)
+        return [
+            {
+                "realisation_seed": None if seeds is None else seeds[turbine],
+                "azimuth": None if azimuth is None else float(azimuth[turbine]),
+                "flap_angle": angle[turbine].tolist(),
+                "flap_rate": rate[turbine].tolist(),
+                "turbulence_intensity": float(intensity[turbine]),
+            }
+            for turbine in turbines
+        ]
+
+    def _start(
+        self,
+        turbines: IntArray,
+        generators: Sequence[np.random.Generator],
+        chosen: Sequence[Origin],
+    ) -> tuple[Start, Array | None]:
+        """How m episodes begin: what was chosen, and for the rest draws from each one's generator; sensors' noise."""
+        m, pool = len(turbines), self.stepping.pool
+        azimuth = np.empty(m)
+        noise = None if pool else np.empty((m, self.plant.noise_count))
+        realisation = np.empty(m, dtype=np.int64) if pool else None
+        level = self.settings.sensors.noise
+        # Three a sample for a single blade, too: the same seed, the same draws.
+        measured = np.empty((m, self.stepping.intervals + 1, BLADES)) if level else None
+        for row, (generator, each) in enumerate(zip(generators, chosen, strict=True)):
+            drawn, seed = generator.uniform(0.0, 2.0 * np.pi), each["realisation_seed"]
+            azimuth[row] = drawn if each["azimuth"] is None else each["azimuth"]
+            if realisation is not None:
+                realisation[row] = generator.integers(pool) if seed is None else seed
+            if noise is not None:
+                source = generator if seed is None else np.random.default_rng(seed)
+                source.standard_normal(out=noise[row])
+            if measured is not None:
+                generator.standard_normal(out=measured[row])
+                measured[row] *= level
+        start = Start(
+            azimuth=azimuth,
+            flap_angle=np.array([each["flap_angle"] for each in chosen]),
+            flap_rate=np.array([each["flap_rate"] for each in chosen]),
+            intensity=np.array([each["turbulence_intensity"] for each in chosen]),
+            noise=noise,
+            realisation=realisation,
+            gust=self._gust,
+        )
+        return start, measured
+
+
+def with_blade_rms(model: TurbineModel) -> TurbineModel:
+    """The model with the root moment's open-loop rms of its clamped blade in place of the turbine's."""
+    shaping = von_karman_filter(
+        model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step
+    )
+    joint = series(shaping, model.blade.select(["wind"], ["rbm"]))
+    return dataclasses.replace(model, rbm_rms=float(output_rms(joint)[0]))
+
+
+def _option(
+    options: Mapping[str, Any], name: str, shape: tuple[int, ...], limit: Array | float = np.inf
+) -> Array:
+    """A reset option as an array of the shape wanted; zero if it is not given."""
+    if name not in options:
+        return np.zeros(shape)
+    try:
+        given = np.asarray(options[name])
+        if given.dtype.kind not in "iuf":
+            raise TypeError
+        value = np.broadcast_to(given, shape).astype(float)
+    except UNREADABLE:
+        raise ValueError(
+            f"options.{name}: expected numbers that fit shape {shape}, got {shown(options[name])}"
+        ) from None
+    if not np.isfinite(value).all() or np.any(np.abs(value) > limit * (1.0 + 1e-9)):
+        raise ValueError(
+            f"options.{name}: expected finite numbers within +-{number(float(np.max(limit)))}, got {shown(options[name])}"
+        )
+    return np.clip(value, -limit, limit)
+
+
+def _seeds(options: Mapping[str, Any], n: int, pool: int) -> list[int] | None:
+    """Seeds of the realisations, one a turbine; None leaves them to the environment's generator."""
+    given = options.get("realisation_seed")
+    if given is None:
+        return None
+    try:
+        seeds = np.asarray(given)
+    except UNREADABLE:
+        seeds = np.empty(0)
+    if seeds.dtype.kind not in "iu" or seeds.shape not in ((), (n,)) or seeds.min() < 0:
+        raise ValueError(
+            f"options.realisation_seed: expected one non-negative whole number, or one for each of {n} environments, "
+            f"got {shown(given)}"
+        )
+    if pool and seeds.max() >= pool:
+        raise ValueError(
+            f"options.realisation_seed: the pool holds the realisations of seeds 0 to {pool - 1}, got {shown(given)}"
+        )
+    return np.broadcast_to(seeds, (n,)).tolist()
+
+
+def _plain(value: Any) -> Any:
+    """What JSON does not know: numbers and arrays of numpy, paths."""
+    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else str(value)

@@ -148,8 +148,7 @@ def gust_peak(model, **gust):
     """Largest perturbation an environment meets in an extreme operating gust."""
     env = FlapEnv(
         model=model,
-        gust={"kind": "extreme_operating_gust", **gust},
-        turbulence_intensity=0.0,
+        wind={"gust": {"kind": "extreme_operating_gust", **gust}, "turbulence_intensity": 0.0},
         duration=12.0,
         record_samples=True,
     )
@@ -261,9 +260,8 @@ def test_an_environment_has_the_case_s_turbulence_by_default(model):
 def test_the_loads_of_a_large_turbine_are_observed_unclipped(model):
     env = FlapEnv(
         model=model,
-        gust={"kind": "step", "size": 30.0},
-        turbulence_intensity=0.0,
-        observe=("rbm",),
+        wind={"gust": {"kind": "step", "size": 30.0}, "turbulence_intensity": 0.0},
+        task={"observe": ("rbm",)},
         record_samples=True,
     )
     env.reset(seed=0)
@@ -294,8 +292,8 @@ def test_a_case_of_before_there_were_airloads_still_tells_turbine_and_size(model
 def test_a_sinusoid_the_model_s_samples_cannot_show_is_refused(model):
     # 0.03 s times the factor: half the sampling frequency is 8.75 Hz, where the shipped model has 71 Hz.
     with pytest.raises(ValueError, match=r"gust.frequency: expected at most 8.75 Hz.*, got 10 Hz"):
-        FlapEnv(model=model, gust={"kind": "sinusoid", "amplitude": 1.0, "frequency": 10.0})
-    FlapEnv(model=model, gust={"kind": "sinusoid", "amplitude": 1.0, "frequency": 8.7})
+        FlapEnv(model=model, wind={"gust": {"kind": "sinusoid", "amplitude": 1.0, "frequency": 10.0}})
+    FlapEnv(model=model, wind={"gust": {"kind": "sinusoid", "amplitude": 1.0, "frequency": 8.7}})
 
 
 @pytest.mark.parametrize("lag", [0.05, 0.2])

@@ -73,8 +73,7 @@ def environment(training: Training, model: TurbineModel) -> Scaled:
         model=model,
         duration=chosen.duration,
         steps_per_action=chosen.steps_per_action,
-        observe=chosen.observe,
-        flap_angle_weight=chosen.flap_angle_weight,
+        task={"observe": chosen.observe, "flap_angle_weight": chosen.flap_angle_weight},
     )
     blades = VecMonitor(FlapVecEnv(vector, per_blade=True))
     return Scaled(blades, observation_scale(chosen.observe, model), training.algorithm.gamma)

@@ -45,10 +45,7 @@ def endure(plant_steps: int, tell: Callable[[str], None]) -> list[Endurance]:
     for entry in ENVIRONMENTS:
         tell(f"endurance: {entry.id}")
         env = gymnasium.make_vec(
-            entry.id,
-            num_envs=COUNT,
-            steps_per_action=STEPS_PER_ACTION,
-            realisation_pool=_pool(entry.keywords),
+            entry.id, num_envs=COUNT, steps_per_action=STEPS_PER_ACTION, wind={"pool": _pool(entry.keywords)}
         )
         env.reset(seed=0)
         rng = np.random.default_rng(0)

@@ -189,7 +189,7 @@ def _step(model: TurbineModel) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            env = FlapEnv(model=model, kernel="numpy", duration=50 * model.time_step)
+            env = FlapEnv(model=model, backend="numpy", duration=50 * model.time_step)
         except ValueError:
             return
         env.reset(seed=0)

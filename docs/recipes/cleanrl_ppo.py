@@ -24,7 +24,7 @@ def turbines(count: int) -> gymnasium.vector.VectorEnv:
     return gymnasium.make_vec(
         "flapgym/NREL5MW-v1",
         num_envs=count,
-        observe=("rbm", "flap_angle", "flap_rate"),
+        task={"observe": ("rbm", "flap_angle", "flap_rate")},
         duration=40.0,
         autoreset_mode="SameStep",
     )

@@ -22,7 +22,7 @@ HORIZON, CANDIDATES = 15, 40
 
 def turbine() -> gymnasium.Env:
     """The turbine whose actions are target angles; few realisations, because a copy is quick to set in a known one."""
-    return TargetAngle(gymnasium.make("flapgym/NREL5MW-v1", duration=40.0, realisation_pool=4))
+    return TargetAngle(gymnasium.make("flapgym/NREL5MW-v1", duration=40.0, wind={"pool": 4}))
 
 
 def plan(state: dict, copy: gymnasium.Env, last: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -23,9 +23,9 @@ def environment(turbines: int, seed: int) -> VecMonitor:
     vector = gymnasium.make_vec(
         "flapgym/NREL5MW-v1",
         num_envs=turbines,
-        observe=("rbm", "flap_angle", "flap_rate"),
+        task={"observe": ("rbm", "flap_angle", "flap_rate")},
         duration=40.0,
-        autoreset_mode="SameStep",  # what Stable-Baselines3 expects
+        autoreset_mode="SameStep",
     )
     env = VecMonitor(FlapVecEnv(vector.unwrapped, per_blade=True))
     env.seed(seed)

@@ -15,8 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from flapgym.core.arrays import BLADES, Array
-from flapgym.envs.fleet import numbers
-from flapgym.envs.observation import QUANTITIES
+from flapgym.envs.actions import numbers
 from flapgym.envs.vector import FlapVectorEnv
 
 try:
@@ -57,15 +56,13 @@ class FlapVecEnv(VecEnv):
         self.per_blade = per_blade
         space, actions = env.single_observation_space, env.single_action_space
         assert isinstance(space, spaces.Box)
-        if per_blade and base.single_blade:
+        if per_blade and base.settings.single_blade:
             raise ValueError("per_blade: expected False, each environment is one blade already")
         if per_blade:
-            for name in base.settings.observe:
-                if QUANTITIES[name].size != BLADES:
-                    raise ValueError(f"observe: {name} belongs to no blade, so per_blade cannot use it")
-            bound = space.high.reshape(-1, BLADES)[:, 0]
+            self._own = own_columns(base.observed)
+            bound = space.high[self._own[0]]
             space = spaces.Box(-bound, bound, dtype=np.float32)
-            actions = spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
+            actions = spaces.Box(-1.0, 1.0, (len(base.model.flaps),), dtype=np.float32)
         self._actions: NDArray[np.float32] | Array | None = None
         super().__init__(env.num_envs * (BLADES if per_blade else 1), space, actions)
         self.metadata |= {"render_fps": base.metadata["render_fps"]}
@@ -142,9 +139,7 @@ class FlapVecEnv(VecEnv):
         """Observations (turbines, names x blades) as one row an environment."""
         if not self.per_blade:
             return observation
-        names = len(self.base.settings.observe)
-        split = observation.reshape(-1, names, BLADES).transpose(0, 2, 1)
-        return np.ascontiguousarray(split.reshape(-1, names))
+        return np.ascontiguousarray(observation[:, self._own].reshape(-1, self._own.shape[1]))
 
     def _shared_options(self) -> dict[str, Any] | None:
         """Reset options: the same for all environments, or none."""
@@ -152,3 +147,19 @@ class FlapVecEnv(VecEnv):
         if any(entry != options[0] for entry in options):
             raise ValueError("set_options: the turbines take the same options; give one dict")
         return dict(options[0]) or None
+
+
+def own_columns(observed: dict[str, range]) -> NDArray[np.int64]:
+    """Which columns of a turbine's observation each blade sees, (blades, own).
+
+    Raises
+    ------
+    ValueError
+        If something is observed that belongs to no blade.
+    """
+    columns = list[NDArray[np.int64]]()
+    for name, place in observed.items():
+        if len(place) % BLADES:
+            raise ValueError(f"observe: {name} belongs to no blade, so per_blade cannot use it")
+        columns.append(np.array(place).reshape(BLADES, -1))
+    return np.concatenate(columns, axis=1)

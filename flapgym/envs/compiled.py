@@ -109,8 +109,9 @@ class CompiledTurbine:
         self._plant.state = turbine_unpacked(self._own, self._modes)
 
     def step(self, action: FloatArray) -> tuple[np.ndarray, Array]:
-        """Observation (observed,) float32, and what the plant tells; behind it each moment's mean square, the
-        reward and its terms.
+        """Observation (observed,) float32, and what the plant tells.
+
+        Behind that stand the mean square of each moment, the reward and its three terms.
 
         Parameters
         ----------

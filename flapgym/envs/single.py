@@ -20,6 +20,7 @@ from flapgym.envs.spec import completed
 from flapgym.envs.states import generator_of, generator_state, seed_number, true_or_false, whole_seed
 from flapgym.envs.turbines import Info, Turbines
 from flapgym.model.turbine_model import TurbineModel
+from flapgym.plant import LinearPlant
 
 if TYPE_CHECKING:
     from flapgym.envs.compiled import CompiledTurbine
@@ -185,16 +186,22 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _compile(self) -> CompiledTurbine | None:
         """The turbine in compiled code, where there is any."""
-        if not self._turbines.compiles:
+        plant = self._turbines.plant
+        if not (self._turbines.compiles and isinstance(plant, LinearPlant)):
             return None
         from flapgym.envs.compiled import CompiledTurbine
 
-        return CompiledTurbine(self._turbines.plant, self._turbines.scoring)
+        return CompiledTurbine(plant, self._turbines.scoring)
 
     @property
     def model(self) -> TurbineModel:
         """The turbine model behind the environment."""
         return self._turbines.model
+
+    @property
+    def observed(self) -> dict[str, range]:
+        """Where each observed quantity stands in an observation."""
+        return self._turbines.observed
 
     @property
     def spec(self) -> EnvSpec | None:

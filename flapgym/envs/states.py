@@ -144,6 +144,7 @@ def read_entry(state: Mapping[str, Any], name: str, reader: Reader) -> Any:
 
 
 def reason(error: Exception) -> str:
+    """What is wrong with an entry, in words."""
     return str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
 
 

@@ -148,7 +148,8 @@ class Task:
             raise ValueError(
                 f"task.tower_weight: expected 0 for a single blade, got {shown(self.tower_weight)}"
             )
-        columns, factors, bounds, noisy = ([] for _ in range(4))  # type: tuple[list[Any], ...]
+        columns, noisy = list[int](), list[int]()
+        factors, bounds = list[float](), list[float]()
         for name in self.observe:
             if single and (name in TURBINE_ONLY or name in model.fixed_outputs):
                 raise ValueError(f"task.observe: a single blade has no {name}; leave it out")
@@ -172,6 +173,17 @@ class Task:
             tower_weight=self.tower_weight,
             fore_aft=fore_aft,
         )
+
+
+def places(task: Task, model: TurbineModel, quantities: Quantities) -> dict[str, range]:
+    """Where each name stands in an observation."""
+    found, first = {}, 0
+    for name in task.observe:
+        sources = [quantities.last[source] for source in observable(name, model).sources]
+        size = sum(place.stop - place.start for place in sources)
+        found[name] = range(first, first + size)
+        first += size
+    return found
 
 
 class Scoring(NamedTuple):

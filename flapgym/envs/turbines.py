@@ -27,7 +27,7 @@ from flapgym.envs.states import (
     read_entry,
     reason,
 )
-from flapgym.envs.task import CHEAP, observe, rewards
+from flapgym.envs.task import CHEAP, observe, places, rewards
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import LinearPlant, Loads, Start, Stepping, chosen_backend, make_plant
 from flapgym.plant.fingerprint import fingerprint
@@ -96,6 +96,8 @@ class Turbines:
         )
         self.quantities = self.stepping.quantities(self.model)
         self.scoring = task.on(self.model, self.quantities)
+        self.observed = places(task, self.model, self.quantities)
+        """Where each name stands in an observation."""
         self.intensity = wind.intensities(count, self.model.turbulence_intensity)
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
@@ -444,8 +446,9 @@ def _option(
             f"options.{name}: expected numbers that fit shape {shape}, got {shown(options[name])}"
         ) from None
     if not np.isfinite(value).all() or np.any(np.abs(value) > limit * (1.0 + 1e-9)):
+        most = number(float(np.max(limit)))
         raise ValueError(
-            f"options.{name}: expected finite numbers within +-{number(float(np.max(limit)))}, got {shown(options[name])}"
+            f"options.{name}: expected finite numbers within +-{most}, got {shown(options[name])}"
         )
     return np.clip(value, -limit, limit)
 

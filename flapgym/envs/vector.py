@@ -130,6 +130,11 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         return self._turbines.model
 
     @property
+    def observed(self) -> dict[str, range]:
+        """Where each observed quantity stands in the observation of one environment."""
+        return self._turbines.observed
+
+    @property
     def spec(self) -> EnvSpec | None:
         """What makes such an environment again, with the number of actions of an episode."""
         return completed(self._spec, self._turbines.stepping.intervals)

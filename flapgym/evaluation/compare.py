@@ -15,7 +15,7 @@ from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
 from flapgym.core.fields import Count, Quantity
 from flapgym.core.wording import shown
-
+from flapgym.envs.task import OBSERVABLES
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.report import FILES, writable_folder, write_report
@@ -239,7 +239,7 @@ def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: Turbin
             raise ValueError(
                 f"agents: expected names, files or agents (flapgym.control.Agent), got {shown(agent)}"
             )
-        check_agent(agent, QUANTITIES)
+        check_agent(agent, OBSERVABLES)
     ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if not isinstance(agent, OpenLoop)))
     for agent in ordered:
         check_time_step(agent, model.time_step)

@@ -44,7 +44,7 @@ def simulate(
     advanced : callable
         Told the samples each step adds to the record, for a progress bar.
     **settings
-        Further keywords of the environment, as `measurement_noise`; turbulence is the model's own unless given.
+        Further keywords of the environment, as `sensors`; turbulence is the model's own unless given.
     """
     if isinstance(seeds, Set) or not len(seeds):
         raise ValueError(f"simulate.seeds: expected a list of one or more, got {shown(seeds)}")
@@ -53,7 +53,7 @@ def simulate(
     environment = FlapVectorEnv(
         num_envs=len(seeds),
         model=model,
-        observe=agent.observe,
+        task={"observe": agent.observe},
         steps_per_action=agent.steps_per_action,
         # Whole intervals that cover the duration: agents of other intervals must not end early.
         duration=duration + agent.steps_per_action * model.time_step,

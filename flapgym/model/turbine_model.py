@@ -78,14 +78,6 @@ _SIGNALS = {
 }
 
 
-@dataclass(frozen=True)
-class ModelFlap:
-    name: str
-    angle_limit: float
-    rate_limit: float
-    acceleration_limit: float
-
-
 @dataclass(frozen=True, eq=False)
 class TurbineModel:
     """The coupled turbine and the clamped single blade, reduced, discrete and time-invariant.
@@ -172,18 +164,6 @@ class TurbineModel:
             parts = np.stack([response.real, response.imag]) / largest
             digest.update((np.round(parts, 3) + 0.0).astype("<f8").tobytes())
         return digest.hexdigest()
-
-    @cached_property
-    def flaps(self) -> tuple[ModelFlap, ...]:
-        return (ModelFlap("flap", self.flap_angle_limit, self.flap_rate_limit, self.acceleration_limit),)
-
-    @cached_property
-    def blade_outputs(self) -> tuple[str, ...]:
-        return ("rbm", "tip_deflection")
-
-    @cached_property
-    def fixed_outputs(self) -> tuple[str, ...]:
-        return ("tower_fore_aft", "tower_side_side")
 
     @property
     def form(self) -> str:

@@ -60,7 +60,9 @@ def _for_each(name: str, values: Any, blades: int, flaps: int) -> Array:
     return np.repeat(given, BLADES * flaps // given.size)[: blades * flaps]
 
 
-def flap_step(angle, rate, acceleration, time_step, angle_limit, rate_limit):  # type: ignore[no-untyped-def]
+def flap_step(
+    angle: Any, rate: Any, acceleration: Any, time_step: float, angle_limit: Any, rate_limit: Any
+) -> tuple[Any, Any, Any, Any, Any]:
     """The stop rule: one plant step of a flap under an acceleration. Arrays and numbers alike; compiled as it is.
 
     rate' = clip(rate + acceleration dt, +-rate_limit), angle' = angle + dt / 2 (rate + rate') clipped at

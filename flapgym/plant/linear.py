@@ -98,7 +98,8 @@ class LinearPlant:
 
     def _place(self, turbines: IntArray, azimuth: Array, flaps: Array, modes: Array) -> None:
         """Put m turbines in place of those that were there."""
-        elapsed, all_flaps, all_modes = (part.copy() for part in self.state)
+        elapsed, all_flaps = self.state.elapsed.copy(), self.state.flaps.copy()
+        all_modes = self.state.modes.copy()
         elapsed[turbines], all_flaps[:, :, turbines], all_modes[:, turbines] = 0, flaps, modes
         azimuths = self.episode.azimuth.copy()
         azimuths[turbines] = azimuth
@@ -131,7 +132,8 @@ class LinearPlant:
 
     def set_state(self, turbine: int, state: dict[str, Any]) -> None:
         """Go on from there; `reset` with the same realisation comes before."""
-        elapsed, flaps, modes = (part.copy() for part in self.state)
+        elapsed, flaps = self.state.elapsed.copy(), self.state.flaps.copy()
+        modes = self.state.modes.copy()
         elapsed[turbine] = state["elapsed"]
         flaps[:3, :, turbine], flaps[3, :, turbine] = state["flaps"], state["travel"]
         modes[:, turbine] = state["modes"]

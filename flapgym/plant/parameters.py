@@ -7,7 +7,7 @@ interval of k steps: it is one product, whatever k. Where a stop changes the mot
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -188,7 +188,7 @@ class Stepping:
     every_sample: bool = False
     record: bool = False
     displacements: bool = True
-    faults: Faults = Faults()
+    faults: Faults = field(default_factory=Faults)
     single_blade: bool = False
     precision: str = "float64"
     pool: int = 0

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.arrays import Array, FloatArray, IntArray
+from flapgym.core.arrays import Array, BoolArray, FloatArray, IntArray
 from flapgym.core.state_space import StateSpace
 from flapgym.model.harmonics import PeriodicPart
 from flapgym.model.multiblade import to_blades, to_components
@@ -205,7 +205,7 @@ class PeriodicPlant:
         motion: Array,
         travel: Array,
         azimuth: Array,
-        stopped: Array | None = None,
+        stopped: BoolArray | None = None,
         *,
         record: bool,
     ) -> Loads:

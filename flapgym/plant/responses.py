@@ -68,7 +68,9 @@ def shared_pool(kernel: Kernel, intervals: int, size: int, precision: str) -> Po
 
 @lru_cache(maxsize=4)
 def gust_response(kernel: Kernel, wind: bytes, before: float) -> tuple[Array, Array]:
-    """Outputs and wind (ny + 1,) at sample 0 and rows (intervals, count) under a given wind, computed once for all plants.
+    """Outputs and wind (ny + 1,) at sample 0 and rows (intervals, count) under a given wind.
+
+    Computed once for all plants.
 
     Parameters
     ----------

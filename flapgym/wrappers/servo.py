@@ -98,3 +98,32 @@ class Servo:
         shifted = A - np.exp(-self.bandwidth * T) * np.eye(3)
         reach = np.stack([B, A @ B, A @ A @ B], axis=1)
         return np.asarray(np.linalg.solve(reach.T, [0.0, 0.0, 1.0]) @ shifted @ shifted @ shifted)
+
+
+@dataclass(frozen=True)
+class RotorServo:
+    """The laws of all flaps of a rotor, whose arrays end in (blades F,), blade by blade and on each flap by flap.
+
+    Attributes
+    ----------
+    servos : tuple of Servo
+        Of flaps 1 to F, the same on every blade.
+    """
+
+    servos: tuple[Servo, ...]
+
+    def __call__(self, angle: Array, rate: Array, lagged: Array, target: Array) -> Array:
+        """Command [rad/s^2] for the next action; see Servo."""
+        command = np.empty_like(angle)
+        for flap, servo in enumerate(self.servos):
+            own = (..., slice(flap, None, len(self.servos)))
+            command[own] = servo(angle[own], rate[own], lagged[own], target[own])
+        return command
+
+    def carried(self, lagged: Array, command: Array) -> Array:
+        """Acceleration that acts at the end of an action."""
+        return self.servos[0].carried(lagged, command)
+
+    def limits(self, name: str, count: int) -> Array:
+        """A limit of the servos for each of `count` flaps of a rotor."""
+        return np.resize([getattr(servo, name) for servo in self.servos], count)

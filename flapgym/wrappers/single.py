@@ -22,12 +22,12 @@ from flapgym.control import load_agent
 from flapgym.control.agent import Agent, Floats, check_time_step
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.wording import shown
-from flapgym.envs.fleet import numbers, read_entry
-from flapgym.envs.observation import QUANTITIES, TURBINE_ONLY
+from flapgym.envs.actions import numbers
 from flapgym.envs.spec import plain
-from flapgym.plant.states import checked_numbers, checked_observation
+from flapgym.envs.states import checked_numbers, checked_observation, read_entry
+from flapgym.envs.task import TURBINE_ONLY
 from flapgym.wind.gusts import is_number
-from flapgym.wrappers.servo import Servo
+from flapgym.wrappers.servo import RotorServo, Servo
 
 Observation = NDArray[np.float32]
 Step = tuple[Observation, float, bool, bool, dict[str, Any]]
@@ -52,8 +52,10 @@ class TargetAngle(
         RecordConstructorArgs.__init__(self)
         gymnasium.Wrapper.__init__(self, env)
         self._servo = servo_of(env.unwrapped)
-        self._limit = flap_model(env.unwrapped).flap_angle_limit
-        self._flaps = np.zeros((3, *(self.action_space.shape or ())))
+        shape = self.action_space.shape or ()
+        self._limit = self._servo.limits("angle_limit", shape[-1])
+        self._most = self._servo.limits("acceleration_limit", shape[-1])
+        self._flaps = np.zeros((3, *shape))
         """Angle, rate, and the acceleration that acts."""
 
     def reset(
@@ -61,7 +63,7 @@ class TargetAngle(
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._flaps = np.stack([info["flap_angle"], info["flap_rate"], np.zeros_like(info["flap_rate"])])
+        self._keep(np.zeros(self._flaps.shape[1:]))
         return observation, info
 
     def step(self, action: ArrayLike) -> Step:
@@ -70,10 +72,8 @@ class TargetAngle(
         angle, rate, acting = self._flaps
         command = self._servo(angle, rate, acting, target)
         acting = self._servo.carried(acting, command)
-        observation, reward, terminated, truncated, info = self.env.step(
-            command / self._servo.acceleration_limit
-        )
-        self._flaps = np.stack([info["flap_angle"], info["flap_rate"], acting])
+        observation, reward, terminated, truncated, info = self.env.step(command / self._most)
+        self._keep(acting)
         return observation, float(reward), terminated, truncated, info
 
     def get_state(self) -> dict[str, Any]:
@@ -86,6 +86,11 @@ class TargetAngle(
         flaps = read_entry(state, "flaps", lambda given: checked_numbers("motion", given, self._flaps.shape))
         self.env.get_wrapper_attr("set_state")(state)
         self._flaps = flaps
+
+    def _keep(self, acting: Array) -> None:
+        """The flaps' own motion, and the acceleration that acts."""
+        flaps: Any = self.env.unwrapped
+        self._flaps = np.stack([*flaps.flap_motion(), acting])
 
 
 class Residual(
@@ -223,12 +228,16 @@ def flap_model(base: Any) -> Any:
     return base.model
 
 
-def servo_of(base: Any) -> Servo:
+def servo_of(base: Any) -> RotorServo:
     """The inner loop that fits an unwrapped environment."""
     model = flap_model(base)
-    period = base.settings.steps_per_action * model.time_step
-    limits = model.acceleration_limit, model.flap_rate_limit, model.flap_angle_limit
-    return Servo(*limits, period, base.settings.actuator_lag)
+    period, lag = base.settings.steps_per_action * model.time_step, base.settings.actuators.lag
+    return RotorServo(
+        tuple(
+            Servo(flap.acceleration_limit, flap.rate_limit, flap.angle_limit, period, lag)
+            for flap in model.flaps
+        )
+    )
 
 
 def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agent, NDArray[np.intp]]:
@@ -252,20 +261,16 @@ def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agen
             "agent: expected a shipped agent's name, the path of an agent's .json file, or an agent "
             f"(flapgym.control.Agent), got {type(agent).__name__}, which has no {lacking[0]}"
         )
-    first, places = 0, {}
-    for name in settings.observe:
-        size = len(QUANTITIES[name].seen(1 if base.single_blade else BLADES))
-        places[name] = range(first, first + size)
-        first += size
+    places = base.observed
     missing = [name for name in agent.observe if name not in places]
-    if missing and base.single_blade and missing[0] in TURBINE_ONLY:
+    if missing and settings.single_blade and missing[0] in TURBINE_ONLY:
         raise ValueError(
             f"agent {agent.name} observes {missing[0]}, which a single blade does not have: it needs a turbine"
         )
     if missing:
         raise ValueError(
             f"agent {agent.name} observes {missing[0]}, which the environment does not: make it with "
-            f"observe={(*settings.observe, *missing)}"
+            f'task={{"observe": {(*settings.task.observe, *missing)}}}'
         )
     if agent.steps_per_action != settings.steps_per_action:
         raise ValueError(
@@ -274,7 +279,7 @@ def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agen
         )
     check_time_step(agent, model.time_step)
     columns = np.array([index for name in agent.observe for index in places[name]])
-    if base.single_blade:
+    if settings.single_blade:
         agent = OneBlade(agent) if getattr(agent, "per_blade", False) else agent
         _check_one_blade(agent, columns.size)
     return agent, columns

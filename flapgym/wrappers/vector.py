@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flapgym.control import Agent
 from flapgym.core.arrays import Array
-from flapgym.envs.fleet import each_of, read_entry, true_or_false
+from flapgym.envs.states import checked_numbers, each_of, read_entry, true_or_false
 from flapgym.envs.vector import checked_mask
-from flapgym.plant.states import checked_numbers
 from flapgym.wrappers.single import (
     Observation,
     averaged,
@@ -24,7 +23,6 @@ from flapgym.wrappers.single import (
     checked_hold,
     checked_scale,
     fitted_agent,
-    flap_model,
     identity,
     memory,
     remembered,
@@ -46,8 +44,10 @@ class VectorTargetAngle(VectorWrapper[Observation, Any, Observation, Any, Any]):
     def __init__(self, env: Vector) -> None:
         super().__init__(env)
         self._servo = servo_of(env.unwrapped)
-        self._limit = flap_model(env.unwrapped).flap_angle_limit
-        self._flaps = np.zeros((3, *(env.action_space.shape or ())))
+        shape = env.action_space.shape or ()
+        self._limit = self._servo.limits("angle_limit", shape[-1])
+        self._most = self._servo.limits("acceleration_limit", shape[-1])
+        self._flaps = np.zeros((3, *shape))
         """Angle, rate, and the acceleration that acts."""
         self._mode = AutoresetMode(env.metadata["autoreset_mode"])
         self._ended = np.zeros(env.num_envs, dtype=bool)
@@ -67,7 +67,7 @@ class VectorTargetAngle(VectorWrapper[Observation, Any, Observation, Any, Any]):
         target = self._limit * np.clip(checked_action(actions, self.action_space.shape or ()), -1.0, 1.0)
         angle, rate, acting = self._flaps
         command = self._servo(angle, rate, acting, target)
-        step = self.env.step(command / self._servo.acceleration_limit)
+        step = self.env.step(command / self._most)
         self._flaps[2] = self._servo.carried(acting, command)
         before, self._ended = self._ended, step[2] | step[3]
         self._keep(step[4], before if self._mode is AutoresetMode.NEXT_STEP else self._ended)

@@ -70,7 +70,9 @@ def test_episode_statistics_work_through_vec_monitor():
 
 
 def test_a_quantity_that_belongs_to_no_blade_is_refused_per_blade():
-    vector = FlapVectorEnv(1, autoreset_mode="SameStep", model=synthetic_model(), observe=("rbm", "azimuth"))
+    vector = FlapVectorEnv(
+        1, autoreset_mode="SameStep", model=synthetic_model(), task={"observe": ("rbm", "azimuth")}
+    )
     with pytest.raises(ValueError, match="azimuth"):
         FlapVecEnv(vector, per_blade=True)
 

@@ -63,7 +63,7 @@ MEETINGS = {
     "compare": lambda folder: compare([LABELLED], MODEL, realisations=1, duration=5.0),
     "simulate": lambda folder: simulate(LABELLED, MODEL, [1], 5.0),
     "Residual": lambda folder: Residual(
-        gymnasium.make(TURBINE_ID, model=MODEL, observe=AGENT.observe, steps_per_action=1), LABELLED
+        gymnasium.make(TURBINE_ID, model=MODEL, task={"observe": AGENT.observe}, steps_per_action=1), LABELLED
     ),
     "series": lambda folder: series(WIND, MODEL.blade.select(["wind"])),
     "balance": lambda folder: balance(MODEL.blade.select(["wind"]), WIND),

@@ -10,6 +10,7 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+from flapgym.envs.observation import QUANTITIES
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
@@ -17,7 +18,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import flapgym
-from flapgym.envs.observation import QUANTITIES
 from flapgym.envs.settings import LIMITS
 from tests.synthetic import synthetic_model
 
@@ -32,7 +32,7 @@ def _make(model_file, **keywords):
 @pytest.mark.parametrize("observe", [("rbm",), EVERYTHING])
 @pytest.mark.parametrize("steps_per_action", [1, 5])
 def test_gymnasium_checker_passes(model_file, observe, steps_per_action):
-    env = _make(model_file, observe=observe, steps_per_action=steps_per_action, record_samples=True)
+    env = _make(model_file, task={"observe": observe}, steps_per_action=steps_per_action, record_samples=True)
     check_env(env.unwrapped)
     env.close()
 
@@ -40,7 +40,7 @@ def test_gymnasium_checker_passes(model_file, observe, steps_per_action):
 def test_stable_baselines_checker_passes(model_file):
     from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
-    check_for_sb3(_make(model_file, observe=EVERYTHING, measurement_noise=1e4).unwrapped)
+    check_for_sb3(_make(model_file, task={"observe": EVERYTHING}, sensors={"noise": 1e4}).unwrapped)
 
 
 def test_the_shipped_model_is_the_default():
@@ -69,7 +69,7 @@ def test_a_module_prefix_registers_the_environment():
 
 
 def test_the_spec_survives_pickle_and_json(model_file):
-    env = _make(model_file, observe=("rbm", "flap_angle"), duration=1.0)
+    env = _make(model_file, task={"observe": ("rbm", "flap_angle")}, duration=1.0)
     first = env.reset(seed=3)[0]
     for spec in (pickle.loads(pickle.dumps(env.spec)), EnvSpec.from_json(env.spec.to_json())):
         np.testing.assert_array_equal(gymnasium.make(spec).reset(seed=3)[0], first)
@@ -79,7 +79,7 @@ def test_the_spec_survives_pickle_and_json(model_file):
     "copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"]
 )
 def test_a_copy_made_in_mid_episode_goes_on_as_the_original(model_file, copied):
-    env = flapgym.envs.FlapEnv(model=model_file, measurement_noise=1e4)
+    env = flapgym.envs.FlapEnv(model=model_file, sensors={"noise": 1e4})
     env.reset(seed=3)
     actions = np.random.default_rng(0).uniform(-1, 1, (40, 3))
     for action in actions[:20]:
@@ -119,8 +119,7 @@ def test_the_reward_is_minus_the_mean_square_of_every_sample_plus_the_named_term
         model_file,
         full_info=True,
         record_samples=True,
-        flap_angle_weight=0.3,
-        tower_weight=2.0,
+        task={"flap_angle_weight": 0.3, "tower_weight": 2.0},
         steps_per_action=7,
         duration=2.0,
     ).unwrapped
@@ -142,7 +141,7 @@ def test_the_reward_is_minus_the_mean_square_of_every_sample_plus_the_named_term
 
 
 def test_observations_come_in_the_documented_order_units_and_bounds(model_file):
-    env = _make(model_file, observe=EVERYTHING, full_info=True).unwrapped
+    env = _make(model_file, task={"observe": EVERYTHING}, full_info=True).unwrapped
     env.reset(seed=1)
     observation, _, _, _, info = env.step(np.array([0.5, -1.0, 0.2]))
     expected = [
@@ -161,7 +160,7 @@ def test_observations_come_in_the_documented_order_units_and_bounds(model_file):
 
 
 def test_measurement_noise_touches_the_observation_only(model_file):
-    clean, noisy = (_make(model_file, measurement_noise=level).unwrapped for level in (0.0, 2e4))
+    clean, noisy = (_make(model_file, sensors={"noise": level}).unwrapped for level in (0.0, 2e4))
     seen = []
     (start, _), (noisy_start, _) = (
         env.reset(seed=2, options={"realisation_seed": 4, "azimuth": 0.0}) for env in (clean, noisy)
@@ -176,7 +175,7 @@ def test_measurement_noise_touches_the_observation_only(model_file):
 
 
 def test_still_air_leaves_the_turbine_at_rest(model_file):
-    env = _make(model_file, turbulence_intensity=0.0).unwrapped
+    env = _make(model_file, wind={"turbulence_intensity": 0.0}).unwrapped
     observation, info = env.reset(seed=0)
     for _ in range(10):
         observation, reward, _, _, info = env.step(np.zeros(3))
@@ -496,9 +495,9 @@ def test_a_recording_that_is_too_short_is_refused_with_the_duration_that_fits(mo
     with pytest.raises(
         ValueError, match=r"duration: .*at most 19\.985 s, whole actions of 0\.035 s.* got 20 s"
     ):
-        _make(model_file, gust=gust, duration=20.0)
-    assert _make(model_file, gust=gust, duration=19.985).reset(seed=0)[0].shape == (3,)
+        _make(model_file, wind={"gust": gust}, duration=20.0)
+    assert _make(model_file, wind={"gust": gust}, duration=19.985).reset(seed=0)[0].shape == (3,)
     with pytest.raises(
         ValueError, match=r"gust.start: .* holds 1704067200 to 1704067220 s; .* got 1704067100\.5 s"
     ):
-        _make(model_file, gust=gust | {"start": 1704067100.5}, duration=5.0)
+        _make(model_file, wind={"gust": gust | {"start": 1704067100.5}}, duration=5.0)

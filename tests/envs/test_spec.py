@@ -82,8 +82,8 @@ def test_a_specification_with_paths_modes_and_wrappers_goes_through_json(tmp_pat
         gymnasium.make(
             ID,
             model=tmp_path.__class__(model_file),
-            gust={"kind": "recorded", "file": tmp_path / "wind.csv"},
-            observe=agent.observe,
+            wind={"gust": {"kind": "recorded", "file": tmp_path / "wind.csv"}},
+            task={"observe": agent.observe},
             steps_per_action=1,
         ),
         tmp_path / "mine.json",

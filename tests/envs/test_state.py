@@ -229,7 +229,7 @@ def test_a_damaged_generator_is_refused(kind, damage):
 
 
 def test_a_late_environment_refuses_the_state_of_another_kernel():
-    env, stranger = (FlapEnv(**_keywords("delay"), kernel=kernel) for kernel in ("numpy", "numba"))
+    env, stranger = (FlapEnv(**_keywords("delay"), backend=kernel) for kernel in ("numpy", "numba"))
     for one in (env, stranger):
         one.reset(seed=1)
     with pytest.raises(ValueError, match="kernel"):
@@ -269,7 +269,7 @@ def test_environments_of_a_process_share_their_pool_of_realisations():
 
 @pytest.mark.parametrize("kernel", ["numpy", "numba"])
 def test_a_copy_shares_the_pool_of_realisations(kernel):
-    env = FlapEnv(**_keywords("pool"), kernel=kernel)
+    env = FlapEnv(**_keywords("pool"), backend=kernel)
     env.reset(seed=0, options={"realisation_seed": 0})
     twin = copy.deepcopy(env)
     assert twin._plant._responses.rows is env._plant._responses.rows
@@ -279,7 +279,7 @@ def test_a_copy_shares_the_pool_of_realisations(kernel):
 
 
 def test_each_environment_has_the_intensity_given_for_it():
-    env = FlapVectorEnv(3, model=synthetic_model(), turbulence_intensity=(0.05, 0.10, 0.0))
+    env = FlapVectorEnv(3, model=synthetic_model(), wind={"turbulence_intensity": (0.05, 0.10, 0.0)})
     options = {"realisation_seed": 5, "azimuth": 0.0}
     _, info = env.reset(seed=0, options=options)
     wind = info["wind_perturbation"]
@@ -293,7 +293,7 @@ def test_each_environment_has_the_intensity_given_for_it():
 @pytest.mark.parametrize("value", [(0.1, 0.1), (0.1, 1.0, 0.1), "0.1", [0.1, np.nan, 0.1]])
 def test_impossible_intensities_are_refused(value):
     with pytest.raises(ValueError, match="turbulence_intensity"):
-        FlapVectorEnv(3, model=synthetic_model(), turbulence_intensity=value)
+        FlapVectorEnv(3, model=synthetic_model(), wind={"turbulence_intensity": value})
 
 
 def test_single_precision_gives_the_trajectories_of_double():

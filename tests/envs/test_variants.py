@@ -8,11 +8,11 @@ from dataclasses import fields
 import gymnasium
 import numpy as np
 import pytest
+from flapgym.envs.blade import BladeEnv, BladeVectorEnv
 from gymnasium.envs.registration import EnvSpec
 
 from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.envs import FlapEnv, FlapVectorEnv
-from flapgym.envs.blade import BladeEnv, BladeVectorEnv
 from flapgym.envs.settings import Settings
 from flapgym.model import load_model
 from flapgym.wind import gust_of
@@ -46,9 +46,9 @@ def _actions(count=100, flaps=3):
 
 def test_a_gust_and_turbulence_add_up():
     actions, still = _actions(), np.zeros((100, 3), dtype=np.float32)
-    both = _series(_env(gust=GUST), actions)
+    both = _series(_env(wind={"gust": GUST}), actions)
     turbulence = _series(_env(), actions)
-    gust = _series(_env(gust=GUST, turbulence_intensity=0.0), still)
+    gust = _series(_env(wind={"gust": GUST, "turbulence_intensity": 0.0}), still)
     for part in (0, 1):
         np.testing.assert_allclose(
             both[part], turbulence[part] + gust[part], atol=1e-10 * np.abs(both[part]).max()
@@ -63,8 +63,7 @@ def test_a_recorded_gust_is_made_again_from_json(tmp_path):
     path.write_text("time [s], wind [m/s]\n0, 12\n10, 12\n30, 10\n")
     env = gymnasium.make(
         "flapgym/NREL5MW-v1",
-        gust={"kind": "recorded", "file": str(path)},
-        turbulence_intensity=0.0,
+        wind={"gust": {"kind": "recorded", "file": str(path)}, "turbulence_intensity": 0.0},
         duration=5.0,
     )
     again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
@@ -78,7 +77,7 @@ def test_a_recorded_gust_is_made_again_from_json(tmp_path):
 
 @pytest.mark.parametrize("delay", [1, 7])
 def test_late_moments_are_the_true_ones_of_some_samples_ago(delay):
-    env = _env(sensor_delay=delay * STEP, observe=("flap_angle", "rbm"))
+    env = _env(sensors={"delay": delay * STEP}, task={"observe": ("flap_angle", "rbm")})
     observation, info = env.reset(seed=0)
     history = [np.tile(info["rbm"], (delay + 1, 1))]
     np.testing.assert_allclose(observation[3:], 1e-6 * info["rbm"], rtol=1e-6)
@@ -93,7 +92,7 @@ def test_late_moments_are_the_true_ones_of_some_samples_ago(delay):
 
 def test_a_lagging_flap_follows_the_first_order_law():
     lag, acceleration = 0.05, np.deg2rad(600.0)
-    env = _env(actuator_lag=lag, turbulence_intensity=0.0)
+    env = _env(actuators={"lag": lag}, wind={"turbulence_intensity": 0.0})
     env.reset(seed=0)
     command = 0.5
     info = env.step(np.full(3, command, dtype=np.float32))[4]
@@ -105,7 +104,7 @@ def test_a_lagging_flap_follows_the_first_order_law():
 def test_a_flap_does_its_share_a_floating_one_nothing_and_a_stuck_one_stays():
     actions = _actions()
     loads = {
-        name: _series(_env(flap_effectiveness=[1.0, factor, 1.0]), actions)[0]
+        name: _series(_env(actuators={"effectiveness": [1.0, factor, 1.0]}), actions)[0]
         for name, factor in (("full", 1.0), ("half", 0.5), ("none", 0.0))
     }
     np.testing.assert_allclose(
@@ -113,23 +112,23 @@ def test_a_flap_does_its_share_a_floating_one_nothing_and_a_stuck_one_stays():
     )
     other = actions.copy()
     other[:, 1] = 0.0
-    floating = _series(_env(flap_effectiveness=[1.0, 0.0, 1.0]), other)
+    floating = _series(_env(actuators={"effectiveness": [1.0, 0.0, 1.0]}), other)
     np.testing.assert_allclose(floating[0], loads["none"], rtol=0.0, atol=1e-13 * np.abs(loads["none"]).max())
-    stuck = _env(stuck_flaps=[None, 0.05, None])
+    stuck = _env(actuators={"stuck": [None, 0.05, None]})
     angle = _series(stuck, actions)[2]
     np.testing.assert_array_equal(angle[:, 1], 0.05)
     assert np.abs(angle[:, [0, 2]]).max() > 0.1
 
 
 def test_a_stuck_flap_has_been_so_for_long():
-    env = _env(stuck_flaps=[0.05, 0.05, 0.05], turbulence_intensity=0.0)
+    env = _env(actuators={"stuck": [0.05, 0.05, 0.05]}, wind={"turbulence_intensity": 0.0})
     rbm, *_ = _series(env, np.zeros((20, 3), dtype=np.float32))
     steady = 0.05 * env.model.turbine.dc_gain()[0, 0]
     np.testing.assert_allclose(rbm.mean(axis=1), steady, rtol=1e-9)
 
 
 def test_the_single_blade_is_the_models_blade():
-    env = _env(BladeEnv, observe=("rbm", "flap_angle", "flap_rate", "tip_deflection", "wind"))
+    env = _env(BladeEnv, task={"observe": ("rbm", "flap_angle", "flap_rate", "tip_deflection", "wind")})
     actions = _actions(100, 1)
     still, wind, _ = _series(env, 0.0 * actions)
     rbm, same_wind, angle = _series(env, actions)
@@ -202,7 +201,7 @@ def test_a_recording_that_ends_early_is_refused_before_the_first_episode(tmp_pat
     path = tmp_path / "wind.csv"
     path.write_text("time [s], wind [m/s]\n0, 12\n10, 12\n")
     with pytest.raises(ValueError, match=r"lasts 10 s .* at most 9\.975 s.* got 20 s"):
-        _env(gust={"kind": "recorded", "file": str(path)})
+        _env(wind={"gust": {"kind": "recorded", "file": str(path)}})
 
 
 def test_the_faults_of_one_are_those_of_many():
@@ -246,9 +245,9 @@ def test_a_state_belongs_to_a_wind_whatever_it_is_called(tmp_path):
     first, second = tmp_path / "first.csv", tmp_path / "second.csv"
     for path in (first, second):
         path.write_text("time [s], wind [m/s]\n0, 11\n30, 12\n")
-    env, same = (_env(gust={"kind": "recorded", "file": str(path)}) for path in (first, second))
+    env, same = (_env(wind={"gust": {"kind": "recorded", "file": str(path)}}) for path in (first, second))
     first.write_text("time [s], wind [m/s]\n0, 11\n30, 30\n")
-    changed = _env(gust={"kind": "recorded", "file": str(first)})
+    changed = _env(wind={"gust": {"kind": "recorded", "file": str(first)}})
     for one in (env, same, changed):
         one.reset(seed=1)
     same.set_state(env.get_state())
@@ -258,8 +257,8 @@ def test_a_state_belongs_to_a_wind_whatever_it_is_called(tmp_path):
         changed.set_state(env.get_state())
     assert changed.get_state() == before
     short, long = (
-        _env(gust={"kind": "step", "size": 1}),
-        _env(gust={"kind": "step", "size": 1.0, "start": 0.0}),
+        _env(wind={"gust": {"kind": "step", "size": 1}}),
+        _env(wind={"gust": {"kind": "step", "size": 1.0, "start": 0.0}}),
     )
     short.reset(seed=1)
     long.set_state(short.get_state())

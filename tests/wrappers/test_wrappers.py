@@ -8,6 +8,7 @@ import json
 import gymnasium
 import numpy as np
 import pytest
+from flapgym.envs.blade import BladeEnv, BladeVectorEnv
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
@@ -19,7 +20,6 @@ from stable_baselines3.common.env_checker import check_env as check_for_sb3
 from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.control import load_agent
 from flapgym.envs import FlapEnv, FlapVectorEnv
-from flapgym.envs.blade import BladeEnv, BladeVectorEnv
 from flapgym.model import load_model
 from flapgym.wrappers.servo import Servo
 from flapgym.wrappers.single import Residual, TargetAngle
@@ -72,7 +72,10 @@ def test_the_inner_loop_comes_to_rest_at_its_target_from_any_motion(start, rate,
 def test_target_angles_are_reached_without_overshoot_through_a_lag(steps_per_action, lag):
     env = TargetAngle(
         FlapEnv(
-            model=synthetic_model(), steps_per_action=steps_per_action, actuator_lag=lag, record_samples=True
+            model=synthetic_model(),
+            steps_per_action=steps_per_action,
+            actuators={"lag": lag},
+            record_samples=True,
         )
     )
     env.reset(seed=0, options={"flap_angle": -10.0 * DEGREE})
@@ -144,7 +147,7 @@ def test_the_state_of_a_wrapped_environment_survives_json(model_file, which):
 
 
 def _many(which, mode=AutoresetMode.NEXT_STEP, agent="pd", scale=0.3):
-    env = FlapVectorEnv(3, autoreset_mode=mode, model=synthetic_model(), **FULL, actuator_lag=0.05)
+    env = FlapVectorEnv(3, autoreset_mode=mode, model=synthetic_model(), **FULL, actuators={"lag": 0.05})
     around = RecordEpisodeStatistics(env)  # one of Gymnasium's between, which hands no state through
     return VectorTargetAngle(around) if which == 0 else VectorResidual(around, agent, scale=scale, hold=3)
 

@@ -41,7 +41,7 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
         modes[:, met] += p.stop_push @ lost
         rows[:, met] += p.stop_feed @ lost
     at = np.minimum(state.elapsed, p.intervals - 1)
-    wind = episode.responses[episode.place, at] * episode.level[:, None]
+    wind: Array = episode.responses[episode.place, at] * episode.level[:, None]
     rows = rows.T.astype(float)
     rows += wind[:, : rows.shape[1]]
     flaps = flaps_after(p, state.flaps, motion, command)
@@ -88,7 +88,7 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
     motion = np.tensordot(free_motion(p.steps, p.time_step, lag), start, axes=1)
     motion = motion.reshape(p.steps + 1, 2, *command.shape)
     limits = np.stack([p.angle_limit, p.rate_limit])[:, :, None]
-    stopped = (np.abs(motion) > limits * (1.0 - TOUCH)).any(axis=(0, 1))
+    stopped: BoolArray = np.any(np.abs(motion) > limits * (1.0 - TOUCH), axis=(0, 1))
     rate_lost, jumps = np.zeros((p.steps, *command.shape)), np.zeros((p.steps, *command.shape))
     flap, turbine = np.nonzero(stopped)
     if not flap.size:

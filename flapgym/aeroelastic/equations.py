@@ -14,7 +14,7 @@ from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, Second
 from flapgym.aeroelastic.periodic import PeriodicEquations
 from flapgym.core.arrays import Array
 from flapgym.model.multiblade import WORK_WEIGHTS, hub_components
-from flapgym.model.turbine_model import BLADE_INPUTS, BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS
+from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, turbine_inputs, turbine_outputs
 from flapgym.reduction import normal_modes
 from flapgym.structure import LinearBlade, LinearSupport
 from flapgym.turbine import Case
@@ -78,16 +78,11 @@ def turbine_equations(parts: Parts) -> Equations:
     held, moving = lattice.motion_inputs
     three = np.eye(3)
     gust = np.kron(three[:, :1], lattice.select("gust").sum(axis=1, keepdims=True))
+    flaps = flap_effectiveness(parts) * lattice.select("flap_angle", "flap_rate")
     lattice_input = LatticeInput(
         position=np.kron(three, held) @ T + np.kron(three, moving) @ rate,
         velocity=np.asarray(np.kron(three, moving) @ T),
-        exogenous=np.hstack(
-            [
-                flap_effectiveness(parts) * np.kron(three, lattice.select("flap_angle")),
-                flap_effectiveness(parts) * np.kron(three, lattice.select("flap_rate")),
-                gust,
-            ]
-        ),
+        exogenous=np.hstack([*(np.kron(three, column[:, None]) for column in flaps.T), gust]),
     )
     root = root_moment(parts.blade, m)
     moment = summed_load(root, own, T, rate, acceleration)
@@ -100,7 +95,7 @@ def turbine_equations(parts: Parts) -> Equations:
         position=np.vstack([moment.position, tip @ T, np.hstack([np.zeros((2, 3 * m)), tower])]),
         load=np.vstack([moment.load, np.zeros((5, moment.load.shape[1]))]),
     )
-    return Equations(structure, lattice_input, output, TURBINE_INPUTS, TURBINE_OUTPUTS)
+    return Equations(structure, lattice_input, output, turbine_inputs(lattice.flaps), turbine_outputs())
 
 
 def blade_components(parts: Parts, support_shape: Array) -> Array:
@@ -158,7 +153,7 @@ def blade_equations(parts: Parts) -> Equations:
             position=np.vstack([-root @ stiffness, tip @ clamp]),
             load=np.vstack([root, np.zeros_like(root)]),
         ),
-        BLADE_INPUTS,
+        blade_inputs(lattice.flaps),
         BLADE_OUTPUTS,
     )
 
@@ -188,8 +183,8 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
             [np.kron(slot[:, None], per_blade(own)) for slot, own in zip(slots, blades, strict=True)]
         )
 
-    def flap(name: str) -> Array:
-        return asked(lambda own: flap_effectiveness(own) * own.lattice.select(name))[..., 0]
+    def flaps(name: str) -> Array:
+        return asked(lambda own: flap_effectiveness(own) * own.lattice.select(name))
 
     modes = mean.lattice.modes
     return PeriodicEquations(
@@ -200,8 +195,8 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
         held=asked(lambda own: own.lattice.motion_inputs[0]),
         moving=asked(lambda own: own.lattice.motion_inputs[1]),
         felt=np.stack([np.kron(slot[None], np.eye(modes + 6)) for slot in slots]),
-        flap_angle=flap("flap_angle"),
-        flap_rate=flap("flap_rate"),
+        flap_angle=flaps("flap_angle"),
+        flap_rate=flaps("flap_rate"),
         gust=asked(lambda own: own.lattice.select("gust").sum(axis=1, keepdims=True))[..., 0],
         root=np.stack([root_moment(own.blade, modes)[0] for own in blades]),
         tip=np.stack([tip_deflection(own.case, own.shape)[0] for own in blades]),
@@ -210,7 +205,7 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
 
 
 def flap_effectiveness(parts: Parts) -> float:
-    """Factor on what the flap of this blade does."""
+    """Factor on what the flaps of this blade do."""
     return parts.case.blades.flap_effectiveness[0]
 
 

@@ -27,16 +27,11 @@ from flapgym.aeroelastic.coupling import (
 )
 from flapgym.core.arrays import BLADES, Array
 from flapgym.model.multiblade import blade_azimuths, derivative_coupling, hub_components, on_rotor
+from flapgym.model.signals import EACH_BLADE, turbine_inputs, turbine_outputs
 from flapgym.reduction import ReducedSystem
 
-PERIODIC_INPUTS = (*(f"flap_angle_{b}" for b in (1, 2, 3)), *(f"flap_rate_{b}" for b in (1, 2, 3)), "wind")
 IMBALANCE = "imbalance"
-PERIODIC_OUTPUTS = (
-    *(f"rbm_{b}" for b in (1, 2, 3)),
-    *(f"tip_deflection_{b}" for b in (1, 2, 3)),
-    "tower_fore_aft",
-    "tower_side_side",
-)
+PERIODIC_OUTPUTS = turbine_outputs(parts=EACH_BLADE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +96,10 @@ class PeriodicEquations:
         Lattice inputs of each blade per held position and per rate of its modes and its hub.
     felt : (3, m + 6, ny) float
         Loads on each blade's modes and hub per its lattice outputs.
-    flap_angle, flap_rate, gust : (3, nu) float
-        Lattice inputs of each blade per flap angle, flap rate and homogeneous wind.
+    flap_angle, flap_rate : (3, nu, F) float
+        Lattice inputs of each blade per angle and per rate of its F flaps.
+    gust : (3, nu) float
+        The same per homogeneous wind.
     root, tip : (3, m + 6) float
         Flapwise root moment per load on (modes, hub); tip deflection per (modes, hub).
     rotor_speed : float
@@ -135,7 +132,8 @@ class PeriodicEquations:
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
-        return PERIODIC_INPUTS if self.steady is None else (*PERIODIC_INPUTS, IMBALANCE)
+        own = turbine_inputs(self.flap_angle.shape[2], parts=EACH_BLADE)
+        return own if self.steady is None else (*own, IMBALANCE)
 
     def __call__(self, azimuth: float) -> Equations:
         """Equations with the joint at an azimuth."""
@@ -150,8 +148,9 @@ class PeriodicEquations:
         spread = scipy.linalg.block_diag(*self.felt) @ np.kron(on_rotor(), np.eye(self.felt.shape[2]))
         gather = np.kron(np.linalg.inv(on_rotor()), np.eye(self.held.shape[1]))
         flaps = [
-            scipy.linalg.block_diag(*(column[:, None] for column in part))
+            scipy.linalg.block_diag(*(column[:, None] for column in of_blades))
             for part in (self.flap_angle, self.flap_rate)
+            for of_blades in np.moveaxis(part, 2, 0)  # flap by flap, each on all blades
         ]
         exogenous = gather @ np.hstack([*flaps, self.gust.reshape(-1, 1)])
         forcing = None

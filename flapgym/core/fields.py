@@ -11,7 +11,7 @@ import difflib
 import re
 import typing
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -242,6 +242,11 @@ def as_float(value: Any) -> float:
         return float("inf") if value > 0 else float("-inf")
 
 
+def one_or_more(table: str) -> dict[str, str]:
+    """Metadata of a field of several data classes: in files ``[table]`` for one alone, or ``[[table]]`` for each."""
+    return {"table": table}
+
+
 def specification(cls: type) -> dict[str, Any]:
     """Return what each field of a data class may hold: a specification of this module, or a (nested) type."""
     hints = typing.get_type_hints(cls, include_extras=True)
@@ -281,8 +286,13 @@ def read(cls: type[T], table: object, section: str = "") -> T:
     specs = specification(cls)
     if any(isinstance(spec, Column) for spec in specs.values()):
         return cls(**_read_columns(specs, table, section))
-    check_keys(table, specs, section)
-    return cls(**{key: _read_value(spec, table[key], _dotted(section, key)) for key, spec in specs.items()})
+    given = _present(cls, table, section)
+    return cls(
+        **{
+            f.name: _read_value(specs[f.name], _listed(f, table[key]), _dotted(section, key))
+            for key, f in given.items()
+        }
+    )
 
 
 def _read_value(spec: Any, value: object, name: str) -> Any:
@@ -294,13 +304,23 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
     if not isinstance(value, list) or not value:
         raise ValueError(f"{name}: expected one or more tables [[{name}]], got {shown(value)}")
     (item, _) = typing.get_args(spec)
-    return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+    return tuple(
+        read(item, entry, place) for place, entry in zip(_places(name, len(value)), value, strict=True)
+    )
 
 
 def to_plain(value: Any) -> Any:
-    """A data class as nested dictionaries, lists and SI numbers, which JSON can hold and `from_plain` reads."""
+    """A data class as nested dictionaries, lists and SI numbers, which JSON can hold and `from_plain` reads.
+
+    A field at its default is left out: one that comes later changes nothing in what was written before it.
+    """
     if is_dataclass(value):
-        return {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
+        given = {f: getattr(value, f.name) for f in fields(value)}
+        return {
+            _key(f): _unlisted(f, to_plain(v))
+            for f, v in given.items()
+            if f.default is MISSING or v != f.default
+        }
     if isinstance(value, np.ndarray | tuple):
         return [to_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
     return value
@@ -315,8 +335,13 @@ def from_plain(cls: type[T], values: Mapping[str, Any], section: str = "") -> T:
         If a key is unknown or missing, or a value out of range; the message names it.
     """
     specs = specification(cls)
-    check_keys(values, specs, section)
-    return cls(**{key: _plain_value(spec, values[key], _dotted(section, key)) for key, spec in specs.items()})
+    given = _present(cls, values, section)
+    return cls(
+        **{
+            f.name: _plain_value(specs[f.name], _listed(f, values[key]), _dotted(section, key))
+            for key, f in given.items()
+        }
+    )
 
 
 def _plain_value(spec: Any, value: Any, name: str) -> Any:
@@ -325,17 +350,49 @@ def _plain_value(spec: Any, value: Any, name: str) -> Any:
     if is_dataclass(spec):
         return from_plain(typing.cast(type, spec), value, name)
     (item, _) = typing.get_args(spec)
-    return tuple(from_plain(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+    return tuple(
+        from_plain(item, entry, place) for place, entry in zip(_places(name, len(value)), value, strict=True)
+    )
 
 
-def check_keys(table: Mapping[str, object], known: Iterable[str], section: str) -> None:
-    """Refuse unknown and missing keys; the message names the nearest known key."""
-    known = list(known)
+def _places(name: str, count: int) -> list[str]:
+    """What messages call the entries of a list; one by itself needs no number."""
+    return [f"{name}[{i}]" for i in range(count)] if count > 1 else [name]
+
+
+def _key(of: Field[Any]) -> str:
+    """What a field is called in files."""
+    return str(of.metadata.get("table", of.name))
+
+
+def _listed(of: Field[Any], value: Any) -> Any:
+    """One table that stands for a list of one, as that list."""
+    return [value] if "table" in of.metadata and isinstance(value, Mapping) else value
+
+
+def _unlisted(of: Field[Any], value: Any) -> Any:
+    """A list of one as the table that stands for it."""
+    return value[0] if "table" in of.metadata and len(value) == 1 else value
+
+
+def _present(cls: type, table: Mapping[str, object], section: str) -> dict[str, Field[Any]]:
+    """Fields of a data class by the keys that a table gives; refuses what is unknown, and missing without default."""
+    known = {_key(f): f for f in fields(cls)}
+    optional = [key for key, f in known.items() if f.default is not MISSING]
+    check_keys(table, known, section, optional)
+    return {key: f for key, f in known.items() if key in table}
+
+
+def check_keys(
+    table: Mapping[str, object], known: Iterable[str], section: str, optional: Iterable[str] = ()
+) -> None:
+    """Refuse unknown keys, and missing ones that are not optional; the message names the nearest known key."""
+    known, optional = list(known), set(optional)
     for key in table:
         if key not in known:
             raise ValueError(f"{one_line(_dotted(section, key), 100)}: unknown key; {_suggest(key, known)}")
     for key in known:
-        if key not in table:
+        if key not in table and key not in optional:
             raise ValueError(f"{_dotted(section, key)}: missing; give it a value")
 
 

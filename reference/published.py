@@ -239,7 +239,7 @@ class PublishedTurbine:
             + equations.moving[b] @ moving[b]
             + np.outer(equations.flap_angle[b], flaps[b])
             + np.outer(equations.flap_rate[b], flaps[BLADES + b])
-            + np.outer(equations.gust[b], wind[0])
+            + np.outer(equations.gust[b].sum(axis=1), wind[0])
             for b in range(BLADES)
         ]
         gather = np.kron(np.linalg.inv(on_rotor()), np.eye(len(told[0])))

@@ -11,6 +11,7 @@ import scipy.linalg
 
 from flapgym import __version__
 from flapgym.aerodynamics import Aerodynamics, MeanFlow, wake_transport
+from flapgym.aerodynamics.rotor import root_moment_shares
 from flapgym.aeroelastic.blade_lattice import (
     blade_lattice,
     reduce_component,
@@ -64,6 +65,15 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     if case.blades.unequal and case.reduction.coupled_tolerance:
         raise ValueError(
             "reduction.coupled_tolerance: expected 0 % with unequal blades, whose periodic form is not reduced, "
+            f"got {number(100 * case.reduction.coupled_tolerance)} %"
+        )
+    if case.blades.unequal and case.signals.outputs:
+        raise ValueError(
+            f"signals.outputs: expected none with unequal blades, got {', '.join(case.signals.outputs)}; leave them out"
+        )
+    if case.signals.wind == "by strip" and case.reduction.coupled_tolerance:
+        raise ValueError(
+            'reduction.coupled_tolerance: expected 0 % with signals.wind "by strip", which no spectrum weighs here, '
             f"got {number(100 * case.reduction.coupled_tolerance)} %"
         )
     tell = progress or (lambda stage: None)
@@ -162,9 +172,10 @@ def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
 def slow_wake(parts: Parts) -> StateSpace:
     """The turbine's inputs as its lattice feels them: wind and collective flaps behind the states of a moving wake.
 
-    Each input as it is, without states, where the case keeps to its frozen wake.
+    Winds by strip have the homogeneous one's state together. Each input is as it is, without states, where the case
+    keeps to its frozen wake.
     """
-    case, inputs = parts.case, turbine_inputs(len(parts.case.flaps))
+    case, inputs = parts.case, turbine_inputs(len(parts.case.flaps), parts.strips)
     dt, eye = case.discretisation.time_step, np.eye(len(inputs))
     if case.airloads.slow_wake == "frozen":
         none = np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((len(inputs), 0))
@@ -176,10 +187,14 @@ def slow_wake(parts: Parts) -> StateSpace:
     states = [found.wind.state_space(dt, "wind")]
     states += [flap.state_space(dt, angle) for flap, angle in zip(found.flaps, angles, strict=True)]
     place = eye[:, [inputs.index(state.inputs[0]) for state in states]]
-    direct = eye + place @ np.diag([state.D.item() - 1.0 for state in states]) @ place.T
+    felt = place.T.copy()
+    if parts.strips:
+        # The wake moves as a whole, by what the strips' winds do to the root moment that its state was fitted to.
+        felt[0, [inputs.index(f"wind{j}_0") for j in range(1, parts.strips + 1)]] = root_moment_shares(case)
+    direct = eye + place @ np.diag([state.D.item() - 1.0 for state in states]) @ felt
     return StateSpace(
         A=np.diag([state.A.item() for state in states]),
-        B=np.diag([state.B.item() for state in states]) @ place.T,
+        B=np.diag([state.B.item() for state in states]) @ felt,
         C=place @ np.diag([state.C.item() for state in states]),
         D=direct,
         time_step=dt,

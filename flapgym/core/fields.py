@@ -147,6 +147,30 @@ class Text:
 
 
 @dataclass(frozen=True)
+class Words:
+    """A row of words, none twice, each of which a regular expression of a few matches in full."""
+
+    patterns: tuple[str, ...]
+    example: str
+    """What messages say to write."""
+
+    def parse(self, value: object, name: str) -> tuple[str, ...]:
+        """Read a TOML array."""
+        return self.check(value, name)
+
+    def check(self, value: object, name: str) -> tuple[str, ...]:
+        """Refuse what is no row of such words."""
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"{name}: expected a row of names ({self.example}), got {shown(value)}")
+        for place, word in enumerate(value):
+            known = isinstance(word, str) and any(re.fullmatch(pattern, word) for pattern in self.patterns)
+            if not known or word in value[:place]:
+                wanted = self.example if not known else "each name once"
+                raise ValueError(f"{name}[{place}]: expected {wanted}, got {shown(word)}")
+        return tuple(value)
+
+
+@dataclass(frozen=True)
 class Choice:
     """One of a few words."""
 

@@ -107,9 +107,9 @@ def check_model(model: TurbineModel) -> None:
 
 
 def _told(model: TurbineModel) -> tuple[str, ...]:
-    """The turbine's outputs as they must be: those of every model, then any further ones of names of their own."""
-    own, told = turbine_outputs(), model.turbine.outputs
-    return own + told[len(own) :] if len(set(told)) == len(told) else own
+    """The turbine's outputs as they must be: those of every model, then any further ones."""
+    own = turbine_outputs()
+    return own + model.turbine.outputs[len(own) :]
 
 
 def _check_flaps(model: TurbineModel) -> None:

@@ -16,6 +16,7 @@ from flapgym.core.fields import (
     PerBlade,
     Quantity,
     Text,
+    Words,
     check_fields,
     from_plain,
     one_or_more,
@@ -246,6 +247,44 @@ class Turbulence:
         check_fields(self, "turbulence")
 
 
+BLADE_LOADS = ("rbm_edge",)
+"""Further loads of each blade that a model may tell."""
+TOWER_LOADS = ("tower_base_fore_aft", "tower_base_side_side")
+"""Further loads of the tower."""
+STATION = r"deflection_(\d|[1-9]\d|100)"
+"""Deflection of each blade at a station, whole percent of its length from the root."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Inputs and outputs that the model has after those of every model.
+
+    Attributes
+    ----------
+    wind : "homogeneous" or "by strip"
+        Whether the wind in each strip of each blade is an input, too, for a wind that differs over the rotor.
+    outputs : tuple of str
+        Of ``BLADE_LOADS``, ``TOWER_LOADS`` and deflections by ``STATION``: in this order after the others.
+    """
+
+    wind: Annotated[Literal["homogeneous", "by strip"], Choice(("homogeneous", "by strip"))] = "homogeneous"
+    outputs: Annotated[
+        tuple[str, ...],
+        Words(
+            (*BLADE_LOADS, *TOWER_LOADS, STATION),
+            f"{', '.join((*BLADE_LOADS, *TOWER_LOADS))} or deflection_N at N percent of the blade",
+        ),
+    ] = ()
+
+    def __post_init__(self) -> None:
+        check_fields(self, "signals")
+
+    @property
+    def further(self) -> tuple[tuple[str, bool], ...]:
+        """The outputs, each with whether it is the blades'."""
+        return tuple((name, name not in TOWER_LOADS) for name in self.outputs)
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
     """Everything a model is built from; SI units and radians throughout.
@@ -262,6 +301,7 @@ class Case:
     reduction: Reduction
     turbulence: Turbulence
     blades: Blades
+    signals: Signals = Signals()
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -221,6 +221,14 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     ValueError
         If it is a model that `load_model` would refuse.
     """
+    header, tensors = packed(model)
+    # The header is one JSON text under a key of our own: safetensors metadata holds strings only.
+    metadata = {"flapgym": json.dumps(header, sort_keys=True)}
+    write_atomically(path, safetensors.numpy.save(tensors, metadata))
+
+
+def packed(model: TurbineModel) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Header, sealed with its checksum, and tensors of a model's file; raises as `save_model`."""
     try:
         check_model(model)
     except ValueError as error:
@@ -244,9 +252,7 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
         part = getattr(model, system)
         header[system] = {"inputs": part.inputs, "outputs": part.outputs}
     header["checksum"] = _checksum(tensors, header)
-    # The header is one JSON text under a key of our own: safetensors metadata holds strings only.
-    metadata = {"flapgym": json.dumps(header, sort_keys=True)}
-    write_atomically(path, safetensors.numpy.save(tensors, metadata))
+    return header, tensors
 
 
 def load_model(name: str | os.PathLike[str] = DEFAULT_MODEL) -> TurbineModel:
@@ -264,7 +270,11 @@ def load_model(name: str | os.PathLike[str] = DEFAULT_MODEL) -> TurbineModel:
         raise ValueError(
             f"model {path}: a case, not a model file; make one by `flapgym build {path} --output FILE`"
         )
-    header, tensors = _read(path)
+    return unpacked(*_read(path), path)
+
+
+def unpacked(header: dict[str, Any], tensors: dict[str, Array], path: Path) -> TurbineModel:
+    """The model of a header and tensors that `packed` made; the path is for messages. Raises ValueError."""
     if (version := header.get("format_version")) != FORMAT_VERSION:
         raise ValueError(
             f"model {path}: format version {shown(version)}, this flapgym reads {FORMAT_VERSION}; build it again"

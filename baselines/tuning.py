@@ -91,11 +91,11 @@ class Bench:
         self.advanced(agent.name)
         model = self.model
         if free:
-            model = replace(
-                model,
-                flap_angle_limit=FREE * model.flap_angle_limit,
-                flap_rate_limit=FREE * model.flap_rate_limit,
+            freed = (
+                replace(flap, angle_limit=FREE * flap.angle_limit, rate_limit=FREE * flap.rate_limit)
+                for flap in model.flaps
             )
+            model = replace(model, flaps=tuple(freed))
         return measure(simulate(agent, model, self.seeds, self.duration))
 
     def stroke(self, agent: LinearController) -> float:

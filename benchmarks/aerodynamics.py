@@ -75,7 +75,9 @@ def steady_gains(case: Case, blades: int = 3) -> Array:
 def responses(case: Case, aero: Aerodynamics) -> NDArray[np.complex128]:
     """Root moment per m/s of gust and per degree of flap at FREQUENCIES, shape (nf, 2) [MN m]."""
     z = np.exp(2j * np.pi * FREQUENCIES * aero.time_step)
-    inputs = np.column_stack([gust_downwash(aero).sum(axis=1), DEGREE * flap_downwash(aero, case.flap)[0]])
+    inputs = np.column_stack(
+        [gust_downwash(aero).sum(axis=1), DEGREE * flap_downwash(aero, case.flaps[0])[0]]
+    )
     return transfer_function(aero, 0, z, inputs, root_moment_load(aero, case))[:, 0] / 1e6
 
 

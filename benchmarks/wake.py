@@ -195,15 +195,15 @@ def state_table(case: Case, circulation: Array) -> None:
     rows = []
     for induction in (0.0, 0.1, 0.2, 0.3):
         found = wake_transport(variant(case, induction=induction), circulation)
-        rows.append(state_row(f"{induction:g}", found.wind, found.flap))
+        rows.append(state_row(f"{induction:g}", found.wind, found.flaps[0]))
     table("The states, by axial induction of the perturbations' wake", ["induction", *BOTH], rows)
     rows = []
     for panels, length in ((3, 2.0), (6, 2.0), (3, 1.0), (3, 3.0)):
         found = wake_transport(case, circulation, wake_length=length, panels=panels)
-        rows.append(state_row(f"{panels} panels, {length:g} D", found.wind, found.flap))
+        rows.append(state_row(f"{panels} panels, {length:g} D", found.wind, found.flaps[0]))
     fine = variant(case, blade_elements=48, first_lattice_node=11)
     found = wake_transport(fine, shed_by(fine))
-    rows.append(state_row("3 panels, 2 D, 37 strips for 10", found.wind, found.flap))
+    rows.append(state_row("3 panels, 2 D, 37 strips for 10", found.wind, found.flaps[0]))
     table("The states, by size of the march", ["march", *BOTH], rows)
 
 
@@ -219,7 +219,7 @@ def share_table(case: Case, circulation: Array) -> None:
     fixed, aero = build_aerodynamics(short), build_aerodynamics(long)
     time = aero.time_step * np.arange(aero.wake_rows, dtype=float)
     wind, n = np.ones(len(time)), len(aero.normal)
-    gust, flap = gust_downwash(fixed).sum(axis=1), flap_downwash(fixed, case.flap)[0]
+    gust, flap = gust_downwash(fixed).sum(axis=1), flap_downwash(fixed, case.flaps[0])[0]
     moment, thrust = root_moment_load(aero, long), np.tile([[1.0, 0.0, 0.0]], len(aero.force_point))
 
     def still(lattice: Aerodynamics, downwash: Array, load: Array) -> Array:

@@ -166,8 +166,7 @@ def nonlinear_turbine(parts: Parts, aerodynamics: ReducedSystem, relieved: bool 
         moving=np.asarray(np.kron(each, moving)),
         exogenous=np.hstack(
             [
-                np.kron(each, lattice.select("flap_angle")),
-                np.kron(each, lattice.select("flap_rate")),
+                *(np.kron(each, column[:, None]) for column in lattice.select("flap_angle", "flap_rate").T),
                 np.tile(lattice.select("gust").sum(axis=1), BLADES)[:, None],
             ]
         ),

@@ -121,7 +121,7 @@ class PublishedTurbine:
     @property
     def inputs(self) -> tuple[Signal, ...]:
         """Flap accelerations, whose size is the actuator's limit, and the white noise behind the turbulence."""
-        limit = self.parts.case.flap.acceleration_limit
+        limit = self.parts.case.flaps[0].acceleration_limit
         *flaps, white = PUBLISHED_INPUTS
         return (*(Signal(name, "rad/s^2", limit) for name in flaps), Signal(white, "-", 1.0))
 
@@ -151,7 +151,8 @@ class PublishedTurbine:
         units = ["-", "kg^1/2 m", "kg^1/2 m/s", "kg^1/2 m", "kg^1/2 m/s", "m/s, rad/s", "N, N m"]
         units += ["kg^1/2 m/s^2", "kg^1/2 m/s^2", "-", "rad, rad/s"]
         size = np.sqrt(np.clip(np.diag(self._covariance), 0.0, None))
-        limits = self.parts.case.flap.angle_limit, self.parts.case.flap.rate_limit
+        flap = self.parts.case.flaps[0]
+        limits = flap.angle_limit, flap.rate_limit
         size = np.append(size, np.repeat(limits, BLADES))
         return tuple(
             StateGroup(name, place, unit, float(size[place].max()))
@@ -238,7 +239,7 @@ class PublishedTurbine:
             + equations.moving[b] @ moving[b]
             + np.outer(equations.flap_angle[b], flaps[b])
             + np.outer(equations.flap_rate[b], flaps[BLADES + b])
-            + np.outer(equations.gust[b], wind[0])
+            + np.outer(equations.gust[b].sum(axis=1), wind[0])
             for b in range(BLADES)
         ]
         gather = np.kron(np.linalg.inv(on_rotor()), np.eye(len(told[0])))

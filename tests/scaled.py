@@ -83,14 +83,16 @@ def small_case(factor: float = 1.0, name: str = "small") -> Case:
         discretisation=replace(
             case.discretisation, chordwise_panels=2, wake_length=0.05, time_step=0.03 * factor
         ),
-        flap=replace(
-            case.flap,
-            span_start=0.4,
-            span_end=0.65,
-            chord_fraction=0.3,
-            angle_limit=0.105,
-            rate_limit=0.785 / factor,
-            acceleration_limit=6.0 / factor**2,
+        flaps=(
+            replace(
+                case.flaps[0],
+                span_start=0.4,
+                span_end=0.65,
+                chord_fraction=0.3,
+                angle_limit=0.105,
+                rate_limit=0.785 / factor,
+                acceleration_limit=6.0 / factor**2,
+            ),
         ),
         reduction=replace(case.reduction, blade_modes=3, tower_modes=3, aerodynamic_states=6),
         turbulence=replace(case.turbulence, intensity=0.14, length_scale=105.0 * factor),

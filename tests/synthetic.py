@@ -17,6 +17,7 @@ from flapgym.model.turbine_model import (
     BLADE_OUTPUTS,
     TURBINE_INPUTS,
     TURBINE_OUTPUTS,
+    ModelFlap,
     TurbineModel,
 )
 from flapgym.turbine import load_case
@@ -102,9 +103,7 @@ def synthetic_model(tower_coupling: float = 1.0) -> TurbineModel:
         time_step=TIME_STEP,
         turbulence_intensity=intensity,
         length_scale=length,
-        flap_angle_limit=float(np.deg2rad(10.0)),
-        flap_rate_limit=float(np.deg2rad(100.0)),
-        acceleration_limit=float(np.deg2rad(600.0)),
+        flaps=(ModelFlap("flap", *np.deg2rad([10.0, 100.0, 600.0]).tolist()),),
         rbm_rms=float(np.sqrt(np.trapezoid(gain * spectrum, frequency))),
         inputs_hash="0" * 64,
         case=load_case("nrel5mw-rated").to_dict() | {"name": "synthetic"},

@@ -149,7 +149,7 @@ class Study:
             for flap, model in flaps.items()
             for own in (False, True)
         ]
-        flap, panels = self.case.flap, self.case.discretisation.chordwise_panels
+        flap, panels = self.case.flaps[0], self.case.discretisation.chordwise_panels
         carried = 1.0 / glauert_scale(panels, flap.chord_fraction)
         return readings_section(found, self.realisations, self.controllers.tuning.realisations, carried)
 

@@ -51,7 +51,7 @@ def windier(case: Case, speed: float) -> Case:
 
 def unscaled_flap(case: Case) -> Case:
     """The lattice's own flap, 0.89 of thin-aerofoil theory's: what the paper most likely had."""
-    return replace(case, flap=replace(case.flap, effectiveness=1.0))
+    return replace(case, flaps=tuple(replace(flap, effectiveness=1.0) for flap in case.flaps))
 
 
 VARIATIONS: dict[str, Callable[[Case], Case]] = {

@@ -51,7 +51,9 @@ def signals(study: Study, steps: int) -> dict[str, Array]:
     )
     gust, flaps = np.zeros((2, steps, 7))
     gust[:, 6] = sines(1, np.sqrt(2.0 * 0.2 * spectrum))[:, 0]
-    flaps[:, :3] = sines(3, np.full(len(frequency), 0.3 * case.flap.angle_limit / np.sqrt(len(frequency))))
+    flaps[:, :3] = sines(
+        3, np.full(len(frequency), 0.3 * case.flaps[0].angle_limit / np.sqrt(len(frequency)))
+    )
     flaps[:, 3:6] = np.gradient(flaps[:, :3], study.time_step, axis=0)
     return {"gust": gust, "flaps": flaps}
 

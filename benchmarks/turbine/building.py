@@ -132,7 +132,7 @@ def flutter() -> None:
 
 def other_cases() -> dict[str, Case]:
     """Other operating points, flaps and steps of time."""
-    point, flap, grid = CASE.operating_point, CASE.flap, CASE.discretisation
+    point, flap, grid = CASE.operating_point, CASE.flaps[0], CASE.discretisation
     return {
         "the paper's reading": CASE,
         "the corrected turbine": load_case("nrel5mw-corrected"),
@@ -140,7 +140,7 @@ def other_cases() -> dict[str, Case]:
         "8 m/s, flap of 20 % chord on 0.5 to 0.9 of the span": replace(
             CASE,
             operating_point=replace(point, wind_speed=8.0),
-            flap=replace(flap, chord_fraction=0.2, span_start=0.5),
+            flaps=(replace(flap, chord_fraction=0.2, span_start=0.5),),
         ),
         "15 m/s, tip-speed ratio 5.32, pitch 10.45 deg": replace(
             CASE,

@@ -113,7 +113,7 @@ def rigid_answer(case: Case) -> RigidAnswer:
     if case.airloads.slow_wake == "moving":
         states = wake_transport(case, rotor.flow.shed)
         gain, torque = ((1.0 + states.wind.gain) * steady for steady in (gain, torque))
-        flap = (1.0 + states.flap.gain) * flap
+        flap = (1.0 + states.flaps[0].gain) * flap
         moment = states.wind.state_space(step, "wind").simulate(moment[:, None])[:, 0]
     early = round(EARLY / step)
     return RigidAnswer(

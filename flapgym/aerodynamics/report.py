@@ -18,10 +18,10 @@ def describe_aerodynamics(case: Case) -> str:
     whole, alone = rigid_rotor(case), rigid_rotor(case, blades=1)
     rotor, mean = whole.aero, whole.loads
     lattice, grid, load = rotor.lattice, case.discretisation, root_moment_load(rotor, case)
-    degree = np.pi / 180.0
-    gust, flap = whole.steady(load)[0]
-    alone_gust, alone_flap = alone.steady(load)[0]
-    glauert = glauert_scale(lattice.chordwise, case.flap.chord_fraction)
+    degree, count = np.pi / 180.0, len(case.flaps)
+    names = ["flap"] if count == 1 else [f"flap{number}" for number in range(1, count + 1)]
+    gust, *turned = whole.steady(load)[0]
+    alone_gust, *alone_turned = alone.steady(load)[0]
     circulations = rotor.blades * (lattice.normal.shape[0] + lattice.strips * rotor.wake_rows)
     point = case.operating_point
     lines = [
@@ -40,16 +40,25 @@ def describe_aerodynamics(case: Case) -> str:
         "flapwise root moment, steady            rotor   one blade alone   ratio",
         f"  per m/s of gust       [MN m]        {gust / 1e6:7.4f}   {alone_gust / 1e6:15.4f}   "
         f"{gust / alone_gust:5.3f}",
-        f"  per degree of flap    [MN m]        {flap * degree / 1e6:7.4f}   {alone_flap * degree / 1e6:15.4f}   "
-        f"{flap / alone_flap:5.3f}",
-        f"flap             effectiveness {case.flap.effectiveness}; Glauert's lift over the lattice's own "
-        f"{glauert:.4f}",
-        "flapwise root moment by frequency [MN m]    collective: gust, flap     whirl: gust, flap",
+        *(
+            f"  {f'per degree of {name}':<22}[MN m]        {ours * degree / 1e6:7.4f}   "
+            f"{single * degree / 1e6:15.4f}   {ours / single:5.3f}"
+            for name, ours, single in zip(names, turned, alone_turned, strict=True)
+        ),
+        *(
+            f"{name:<17}effectiveness {flap.effectiveness}; Glauert's lift over the lattice's own "
+            f"{glauert_scale(lattice.chordwise, flap.chord_fraction):.4f}"
+            for name, flap in zip(names, case.flaps, strict=True)
+        ),
+        f"flapwise root moment by frequency [MN m]    collective: gust, {', '.join(names)}     "
+        f"whirl: gust, {', '.join(names)}",
     ]
     z = np.exp(2j * np.pi * np.array(FREQUENCIES) * rotor.time_step)
-    response = [np.abs(whole.response(m, z, load)[:, 0] * [1.0, degree]) / 1e6 for m in (0, 1)]
+    response = [
+        np.abs(whole.response(m, z, load)[:, 0] * [1.0, *[degree] * len(names)]) / 1e6 for m in (0, 1)
+    ]
     for frequency, collective, whirl in zip(FREQUENCIES, *response, strict=True):
-        pairs = "       ".join(f"{gain[0]:8.4f} {gain[1]:8.4f}" for gain in (collective, whirl))
+        pairs = "       ".join(" ".join(f"{each:8.4f}" for each in gain) for gain in (collective, whirl))
         lines.append(f"  {frequency:4.1f} Hz                                    {pairs}")
     return "\n".join(lines)
 

@@ -40,10 +40,10 @@ class RigidRotor:
         The perturbations' lattice.
     flow : MeanFlow
         The mean state, with the wake the case asks for behind it.
-    downwash : (n, 2) float
-        Per m/s of homogeneous gust and per radian of flap [m/s].
+    downwash : (n, 1 + F) float
+        Per m/s of homogeneous gust and per radian of each of the case's F flaps [m/s].
     motion : SegmentMotion or None
-        How the two move the air past the bound segments, where the case's loads take that in.
+        How these move the air past the bound segments, where the case's loads take that in.
     """
 
     aero: Aerodynamics
@@ -61,17 +61,17 @@ class RigidRotor:
         return None if self.motion is None else full_loads(self.aero, self.flow, self.motion, load)
 
     def steady(self, load: Array) -> Array:
-        """Steady loads (ny, 2) per m/s of gust and per radian of flap."""
+        """Steady loads (ny, 1 + F) per m/s of gust and per radian of each flap."""
         return steady_response(self.aero, self.downwash, load, self.full(load))
 
     def step(self, duration: float, load: Array) -> Array:
         """Loads (T, ny) in time after a step of one m/s, the flaps at rest; duration [s]."""
-        signal = np.zeros((round(duration / self.aero.time_step), 2))
+        signal = np.zeros((round(duration / self.aero.time_step), self.downwash.shape[1]))
         signal[:, 0] = 1.0
         return collective_response(self.aero, signal, self.downwash, load, self.full(load))
 
     def response(self, component: int, z: ArrayLike, load: Array) -> NDArray[np.complex128]:
-        """Loads (nz, ny, 2) of a cyclic component in the z-domain."""
+        """Loads (nz, ny, 1 + F) of a cyclic component in the z-domain."""
         return transfer_function(self.aero, component, z, self.downwash, load, self.full(load))
 
 
@@ -81,11 +81,13 @@ def rigid_rotor(case: Case, blades: int = 3) -> RigidRotor:
     flow = _rigid_flow(case, aero, blades)
     full = case.airloads.linearisation == "full"
     seen = cambered(aero, flow.loads.zero_lift_angle) if full else aero
-    downwash = np.column_stack([gust_downwash(seen).sum(axis=1), flap_downwash(seen, case.flap)[0]])
+    turned = [flap_downwash(seen, flap)[0] for flap in case.flaps]
+    downwash = np.column_stack([gust_downwash(seen).sum(axis=1), *turned])
     motion = None
     if full:
         gust = gust_past_segments(aero).sum(axis=2, keepdims=True)
-        velocity = np.concatenate([gust, np.zeros_like(gust)], axis=2)
+        # A flap is felt in the downwash alone.
+        velocity = np.concatenate([gust, np.zeros((*gust.shape[:2], len(turned)))], axis=2)
         motion = SegmentMotion(velocity, np.zeros_like(velocity))
     return RigidRotor(aero, flow, downwash, motion)
 

@@ -26,6 +26,17 @@ def mid_radius(case: Case) -> Array:
     return np.asarray(0.5 * (edge[1:] + edge[:-1]))
 
 
+def root_moment_shares(case: Case) -> Array:
+    """Which part of the root moment under a homogeneous gust each strip brings (strips,), by strip theory.
+
+    Lift by a gust goes as chord and speed; its arm is that from the root. They sum to one.
+    """
+    edge, middle, planform = strip_radius(case), mid_radius(case), case.turbine.planform
+    chord = np.interp(middle, planform.radius, planform.chord)
+    share = chord * np.diff(edge) * middle * (middle - case.turbine.rotor.hub_radius)
+    return np.asarray(share / share.sum())
+
+
 def elastic_axis(case: Case, radius: Array) -> Array:
     """Where the beam's axis crosses the chords at radii [m], from the leading edge over the chord."""
     chosen, published = case.airloads.elastic_axis, case.turbine.pitch_axis

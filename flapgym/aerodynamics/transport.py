@@ -77,12 +77,13 @@ class WakeTransport:
     wind : WakeState
         For wind that is the same over rotor and wake at one time; one that travels with the air has a longer lag. A
         gust of a tenth of the wind, up or down, changes the moving wake's own response by 0.5 %.
-    flap : WakeState
-        For all flaps alike. They do not carry the wake: a longer one only takes from slow angles what the cut left.
+    flaps : tuple of WakeState
+        For each flap of the case, alike on all blades. They do not carry the wake: a longer one only takes from slow
+        angles what the cut left.
     """
 
     wind: WakeState
-    flap: WakeState
+    flaps: tuple[WakeState, ...]
 
 
 def displaced_wake_downwash(aero: Aerodynamics, circulation: ArrayLike) -> Array:
@@ -185,7 +186,7 @@ def wake_transport(
     wake_length: float = 2.0,
     panels: int = 3,
 ) -> WakeTransport:
-    """The states that make up for the case's fixed wake, by the root moment after a step of wind, and of all flaps.
+    """The states that make up for the case's fixed wake, by the root moment after a step of wind, and of each flap.
 
     The rigid rotor is marched with a long wake, which moves with the wind, until it has been renewed. Gains and time
     constants are those with which the case's own wake behind the states comes nearest, in least squares.
@@ -209,13 +210,16 @@ def wake_transport(
         root_moment_load(long, moving),
         len(long.force),
     )  # before that, the unsteady force is the step's own
-    struck = np.column_stack([gust_downwash(short).sum(axis=1), flap_downwash(short, case.flap)[0]])
+    turned = [flap_downwash(short, flap)[0] for flap in case.flaps]
+    struck = np.column_stack([gust_downwash(short).sum(axis=1), *turned])
     given = collective_responses(short, wind, struck, load)
     carried = moving_wake_response(long, circulation, wind, load)[:, 0]
-    held = collective_responses(long, wind, struck[:, 1:], load)[:, 0]
+    held = collective_responses(long, wind, struck[:, 1:], load)
     return WakeTransport(
         wind=fitted_state(given[:, 0], carried, step, first),
-        flap=fitted_state(given[:, 1], held, step, first),
+        flaps=tuple(
+            fitted_state(cut, whole, step, first) for cut, whole in zip(given.T[1:], held.T, strict=True)
+        ),
     )
 
 

@@ -32,7 +32,7 @@ from flapgym.core.wording import number
 from flapgym.reduction import ReducedSystem, balanced_reduction
 from flapgym.structure import LinearBlade
 from flapgym.structure.rotation import rigid_displacement
-from flapgym.turbine import Case
+from flapgym.turbine import Case, Flap
 
 _MOST_ROWS = 4096
 _SCALING_FREQUENCY = 0.2  # Hz; lattice outputs count by their size here, where turbulence has its energy
@@ -44,13 +44,13 @@ class BladeLattice:
 
     Attributes
     ----------
-    downwash : (p, 2 m + 10 + strips) float
+    downwash : (p, 2 m + 8 + 2 flaps + strips) float
         Downwash at the collocation points per unit input: mode rates (m), modes (m), hub velocity (6), hub
-        rotation about y and z (2), flap angle and rate, gust in each spanwise strip.
+        rotation about y and z (2), flap angles, flap rates, gust in each spanwise strip.
     load : (m + 6, 3 P) float
         Generalised force on the modes, and force and moment on the hub apex, per unit panel force.
-    modes, strips : int
-        m and the number of strips.
+    modes, flaps, strips : int
+        m and the numbers of flaps and of strips.
     convected : bool
         Whether the reduced lattice's gust travels along the chord; ``downwash`` has it strike at once.
     full : FullLoads, optional
@@ -63,6 +63,7 @@ class BladeLattice:
     downwash: Array
     load: Array
     modes: int
+    flaps: int
     strips: int
     convected: bool = False
     full: FullLoads | None = None
@@ -70,7 +71,7 @@ class BladeLattice:
     def select(self, *names: str) -> Array:
         """Columns of the identity that feed the named group of inputs, shape (nu, size of the group)."""
         m = self.modes
-        bounds = np.cumsum([0, m, m, 6, 2, 1, 1, self.strips])
+        bounds = np.cumsum([0, m, m, 6, 2, self.flaps, self.flaps, self.strips])
         groups = ("mode_rate", "mode", "hub_velocity", "hub_turn", "flap_angle", "flap_rate", "gust")
         eye = np.eye(bounds[-1])
         return np.hstack([eye[:, bounds[i] : bounds[i + 1]] for i in map(groups.index, names)])
@@ -93,13 +94,13 @@ def blade_lattice(
     """
     force_displacement, _ = interpolation(blade, aero.force_point)
     load = np.vstack([(force_displacement @ shape).T, rigid_displacement(aero.force_point).T])
-    modes, strips = shape.shape[1], aero.lattice.strips
+    modes, sizes = shape.shape[1], (shape.shape[1], len(case.flaps), aero.lattice.strips)
     convected = case.discretisation.gust == "convected"
     if flow is None or case.airloads.linearisation == "mean flow":
         displacement, rotation = (part @ shape for part in interpolation(blade, aero.collocation))
         rate = velocity_downwash(aero, displacement)
         held = displacement_downwash(aero, case.rotor_speed, displacement, rotation)
-        return BladeLattice(_downwash(case, aero, rate, held), load, modes, strips, convected)
+        return BladeLattice(_downwash(case, aero, rate, held), load, *sizes, convected)
     aero = cambered(aero, flow.loads.zero_lift_angle)
     motion = lattice_motion(case, blade, shape, flow)
     full = full_loads(aero, flow, segment_motion(case, aero, motion), load)
@@ -107,23 +108,30 @@ def blade_lattice(
     direct[:, modes : 2 * modes] += following_moments(blade, flow.loads, shape)
     full = replace(full, direct=direct)
     downwash = _downwash(case, aero, *mode_downwash(aero, case.rotor_speed, motion))
-    return BladeLattice(downwash, load, modes, strips, convected, full)
+    return BladeLattice(downwash, load, *sizes, convected, full)
 
 
 def _downwash(case: Case, aero: Aerodynamics, rate: Array, held: Array) -> Array:
     """Columns of ``BladeLattice.downwash``, those of the modes' rates and of the modes held being given."""
-    flap = case.flap
-    angle, angle_rate = flap_downwash(aero, flap)
-    if not (np.isfinite(angle).all() and angle.any()):
-        raise ValueError(
-            f"flap: the lattice resolves no flap from span_start {number(flap.span_start)} to span_end "
-            f"{number(flap.span_end)} of chord_fraction {number(flap.chord_fraction)}; make it larger"
-        )
+    flaps = [_flap_downwash(aero, case, flap) for flap in case.flaps]
+    angles, rates = (np.stack(part, axis=1) for part in zip(*flaps, strict=True))
     hub = velocity_downwash(aero, rigid_displacement(aero.collocation))
     hub_turn = hub_turn_downwash(aero, case.operating_point.wind_speed)[
         :, 1:
     ]  # about the shaft nothing changes
-    return np.hstack([rate, held, hub, hub_turn, angle[:, None], angle_rate[:, None], gust_downwash(aero)])
+    return np.hstack([rate, held, hub, hub_turn, angles, rates, gust_downwash(aero)])
+
+
+def _flap_downwash(aero: Aerodynamics, case: Case, flap: Flap) -> tuple[Array, Array]:
+    """Downwash (n,) per angle and per rate of a flap; refuses one that the lattice does not see."""
+    angle, rate = flap_downwash(aero, flap)
+    if not (np.isfinite(angle).all() and angle.any()):
+        place = f"[{case.flaps.index(flap)}]" if len(case.flaps) > 1 else ""
+        raise ValueError(
+            f"flap{place}: the lattice resolves no flap from span_start {number(flap.span_start)} to span_end "
+            f"{number(flap.span_end)} of chord_fraction {number(flap.chord_fraction)}; make it larger"
+        )
+    return angle, rate
 
 
 def lattice_response(

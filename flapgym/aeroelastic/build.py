@@ -11,6 +11,7 @@ import scipy.linalg
 
 from flapgym import __version__
 from flapgym.aerodynamics import Aerodynamics, MeanFlow, wake_transport
+from flapgym.aerodynamics.rotor import root_moment_shares
 from flapgym.aeroelastic.blade_lattice import (
     blade_lattice,
     reduce_component,
@@ -28,7 +29,8 @@ from flapgym.core.wording import number
 from flapgym.model.compact import compact_model
 from flapgym.model.harmonics import TOLERANCE, fourier_series
 from flapgym.model.record import Record, readings
-from flapgym.model.turbine_model import TURBINE_INPUTS, TURBINE_OUTPUTS, TurbineModel
+from flapgym.model.signals import flap_names, grouped, turbine_inputs
+from flapgym.model.turbine_model import ModelFlap, TurbineModel
 from flapgym.reduction import ReducedSystem, normal_modes, output_rms
 from flapgym.structure import linear_support
 from flapgym.turbine import Case
@@ -46,7 +48,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     Parameters
     ----------
     case : Case
-        Turbine, operating point, discretisation, flap, reduction and reference turbulence.
+        Turbine, operating point, discretisation, flaps, reduction and reference turbulence.
     progress : callable, optional
         Called with the name of each of ``STAGES`` as it begins.
 
@@ -63,6 +65,15 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     if case.blades.unequal and case.reduction.coupled_tolerance:
         raise ValueError(
             "reduction.coupled_tolerance: expected 0 % with unequal blades, whose periodic form is not reduced, "
+            f"got {number(100 * case.reduction.coupled_tolerance)} %"
+        )
+    if case.blades.unequal and case.signals.outputs:
+        raise ValueError(
+            f"signals.outputs: expected none with unequal blades, got {', '.join(case.signals.outputs)}; leave them out"
+        )
+    if case.signals.wind == "by strip" and case.reduction.coupled_tolerance:
+        raise ValueError(
+            'reduction.coupled_tolerance: expected 0 % with signals.wind "by strip", which no spectrum weighs here, '
             f"got {number(100 * case.reduction.coupled_tolerance)} %"
         )
     tell = progress or (lambda stage: None)
@@ -97,7 +108,6 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         errors["harmonics left out, at most"] = TOLERANCE
     single = delayed(single) if late else single
     refuse_unstable(case, {"turbine": turbine, "blade": single})
-    limits = case.flap
     model = TurbineModel(
         turbine=turbine,
         blade=single,
@@ -107,9 +117,10 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         time_step=case.discretisation.time_step,
         turbulence_intensity=case.turbulence.intensity,
         length_scale=case.turbulence.length_scale,
-        flap_angle_limit=limits.angle_limit,
-        flap_rate_limit=limits.rate_limit,
-        acceleration_limit=limits.acceleration_limit,
+        flaps=tuple(
+            ModelFlap(name, flap.angle_limit, flap.rate_limit, flap.acceleration_limit)
+            for name, flap in zip(flap_names(len(case.flaps)), case.flaps, strict=True)
+        ),
         rbm_rms=open_loop_rms(case, turbine),
         inputs_hash=case.hash(),
         case=case.to_dict(),
@@ -161,27 +172,34 @@ def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
 def slow_wake(parts: Parts) -> StateSpace:
     """The turbine's inputs as its lattice feels them: wind and collective flaps behind the states of a moving wake.
 
-    Each input as it is, without states, where the case keeps to its frozen wake.
+    Winds by strip have the homogeneous one's state together. Each input is as it is, without states, where the case
+    keeps to its frozen wake.
     """
-    case, count = parts.case, len(TURBINE_INPUTS)
-    dt, eye = case.discretisation.time_step, np.eye(count)
+    case, inputs = parts.case, turbine_inputs(len(parts.case.flaps), parts.strips)
+    dt, eye = case.discretisation.time_step, np.eye(len(inputs))
     if case.airloads.slow_wake == "frozen":
-        none = np.zeros((0, 0)), np.zeros((0, count)), np.zeros((count, 0))
-        return StateSpace(*none, eye, dt, TURBINE_INPUTS, TURBINE_INPUTS)
+        none = np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((len(inputs), 0))
+        return StateSpace(*none, eye, dt, inputs, inputs)
     if parts.flow is None:
         raise ValueError("airloads.slow_wake: a blade without mean load has no wake to move")
     found = wake_transport(case, parts.flow.shed)
-    states = [found.wind.state_space(dt, "wind"), found.flap.state_space(dt, "flap_angle_0")]
-    place = eye[:, [TURBINE_INPUTS.index(state.inputs[0]) for state in states]]
-    direct = eye + place @ np.diag([state.D.item() - 1.0 for state in states]) @ place.T
+    angles = [f"{name}_angle_0" for name in flap_names(len(case.flaps))]
+    states = [found.wind.state_space(dt, "wind")]
+    states += [flap.state_space(dt, angle) for flap, angle in zip(found.flaps, angles, strict=True)]
+    place = eye[:, [inputs.index(state.inputs[0]) for state in states]]
+    felt = place.T.copy()
+    if parts.strips:
+        # The wake moves as a whole, by what the strips' winds do to the root moment that its state was fitted to.
+        felt[0, [inputs.index(f"wind{j}_0") for j in range(1, parts.strips + 1)]] = root_moment_shares(case)
+    direct = eye + place @ np.diag([state.D.item() - 1.0 for state in states]) @ felt
     return StateSpace(
         A=np.diag([state.A.item() for state in states]),
-        B=np.diag([state.B.item() for state in states]) @ place.T,
+        B=np.diag([state.B.item() for state in states]) @ felt,
         C=place @ np.diag([state.C.item() for state in states]),
         D=direct,
         time_step=dt,
-        inputs=TURBINE_INPUTS,
-        outputs=TURBINE_INPUTS,
+        inputs=inputs,
+        outputs=inputs,
     )
 
 
@@ -204,12 +222,13 @@ def azimuth_steps(
     equations = uneven_equations(uneven)
     turn = equations.rotor_speed * time_step
     by_azimuth = multiblade_equations(equations)
+    outputs = by_azimuth(0.0).outputs
 
     def at(azimuth: float) -> tuple[StateSpace, Array]:
         A, B, C, D = step_matrices(by_azimuth, rotor, time_step, azimuth, turn)
-        system = StateSpace(A, B[:, :-1], C, D[:, :-1], time_step, TURBINE_INPUTS, TURBINE_OUTPUTS)
+        system = StateSpace(A, B[:, :-1], C, D[:, :-1], time_step, felt.outputs, outputs)
         system = series(felt, system)
-        queue = np.zeros(len(TURBINE_INPUTS) if late else 0)
+        queue = np.zeros(len(felt.inputs) if late else 0)
         forcing = np.concatenate([np.zeros(felt.order), B[:, -1], queue, D[:, -1]])
         return (delayed(carried_on(system, turn)) if late else system), forcing
 
@@ -217,13 +236,13 @@ def azimuth_steps(
 
 
 def carried_on(turbine: StateSpace, turn: float) -> StateSpace:
-    """The turbine for flap inputs given in the multi-blade coordinates of an azimuth smaller by ``turn`` [rad].
+    """The turbine for inputs given in the multi-blade coordinates of an azimuth smaller by ``turn`` [rad].
 
     A blade keeps its flap while the rotor turns on, so a late input's components turn back.
     """
     cosine, sine = np.cos(turn), np.sin(turn)
     back = scipy.linalg.block_diag(1.0, [[cosine, -sine], [sine, cosine]])
-    mix = scipy.linalg.block_diag(back, back, 1.0)
+    mix = scipy.linalg.block_diag(*(back if of_blades else 1.0 for _, of_blades in grouped(turbine.inputs)))
     return replace(turbine, B=turbine.B @ mix, D=turbine.D @ mix)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -14,10 +14,12 @@ from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, Second
 from flapgym.aeroelastic.periodic import PeriodicEquations
 from flapgym.core.arrays import Array
 from flapgym.model.multiblade import WORK_WEIGHTS, hub_components
-from flapgym.model.turbine_model import BLADE_INPUTS, BLADE_OUTPUTS, TURBINE_INPUTS, TURBINE_OUTPUTS
+from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, turbine_inputs, turbine_outputs
 from flapgym.reduction import normal_modes
 from flapgym.structure import LinearBlade, LinearSupport
+from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
+from flapgym.turbine.case import BLADE_LOADS, TOWER_LOADS
 
 # In-plane axis of the coned, untwisted blade root, about which a load downwind turns positively.
 FLAPWISE = np.array([0.0, 1.0, 0.0])
@@ -49,6 +51,11 @@ class Parts:
     lattice: BladeLattice
     flow: MeanFlow | None = None
 
+    @property
+    def strips(self) -> int:
+        """Strips whose wind is an input of its own."""
+        return self.lattice.strips if self.case.signals.wind == "by strip" else 0
+
     @cached_property
     def modal_support(self) -> tuple[tuple[Array, Array, Array], Array]:
         """Mass, damping, stiffness (t, t) of the support in its modes, and those modes (N, t).
@@ -77,30 +84,87 @@ def turbine_equations(parts: Parts) -> Equations:
 
     held, moving = lattice.motion_inputs
     three = np.eye(3)
-    gust = np.kron(three[:, :1], lattice.select("gust").sum(axis=1, keepdims=True))
+    gust = lattice.select("gust")
+    homogeneous = np.kron(three[:, :1], gust.sum(axis=1, keepdims=True))
+    flaps = flap_effectiveness(parts) * lattice.select("flap_angle", "flap_rate")
     lattice_input = LatticeInput(
         position=np.kron(three, held) @ T + np.kron(three, moving) @ rate,
         velocity=np.asarray(np.kron(three, moving) @ T),
         exogenous=np.hstack(
             [
-                flap_effectiveness(parts) * np.kron(three, lattice.select("flap_angle")),
-                flap_effectiveness(parts) * np.kron(three, lattice.select("flap_rate")),
-                gust,
+                *(np.kron(three, column[:, None]) for column in flaps.T),
+                homogeneous,
+                *(np.kron(three, column[:, None]) for column in gust.T[: parts.strips]),
             ]
         ),
     )
-    root = root_moment(parts.blade, m)
-    moment = summed_load(root, own, T, rate, acceleration)
-    tip = np.kron(three, tip_deflection(parts.case, parts.shape))
-    tower = (parts.support.tower_top @ support_shape)[:2]
-    quiet = np.zeros((5, T.shape[1]))
-    output = Output(
-        acceleration=np.vstack([moment.acceleration, quiet]),
-        velocity=np.vstack([moment.velocity, quiet]),
-        position=np.vstack([moment.position, tip @ T, np.hstack([np.zeros((2, 3 * m)), tower])]),
-        load=np.vstack([moment.load, np.zeros((5, moment.load.shape[1]))]),
+    motion = T, rate, acceleration
+    further = parts.case.signals.further
+    tower = np.hstack([np.zeros((2, 3 * m)), (parts.support.tower_top @ support_shape)[:2]])
+    outputs = [
+        summed_load(root_moment(parts.blade, m), own, *motion),
+        _positions(np.kron(three, tip_deflection(parts.case, parts.shape)) @ T, structure),
+        _positions(tower, structure),
+        *(_further_output(parts, name, own, motion, structure) for name, _ in further),
+    ]
+    output = Output(*(np.vstack([getattr(part, f.name) for part in outputs]) for f in fields(Output)))
+    names = turbine_inputs(lattice.flaps, parts.strips), turbine_outputs(further)
+    return Equations(structure, lattice_input, output, *names)
+
+
+def _positions(rows: Array, structure: SecondOrder) -> Output:
+    """Outputs that are rows (k, nd) of the structure's positions."""
+    still = np.zeros_like(rows)
+    return Output(still, still, rows, np.zeros((len(rows), structure.work.shape[1])))
+
+
+def _further_output(
+    parts: Parts,
+    name: str,
+    own: tuple[Array, Array, Array],
+    motion: tuple[Array, Array, Array],
+    structure: SecondOrder,
+) -> Output:
+    """An output that the case asks for by name; ``own`` and ``motion`` as for ``summed_load``."""
+    if name in TOWER_LOADS:
+        return _tower_base(parts, TOWER_LOADS.index(name))
+    if name in BLADE_LOADS:
+        return summed_load(root_moment(parts.blade, parts.lattice.modes, edgewise(parts.case)), own, *motion)
+    share = int(name.rpartition("_")[2]) / 100.0
+    return _positions(np.kron(np.eye(3), deflection(parts, share)) @ motion[0], structure)
+
+
+def _tower_base(parts: Parts, side: int) -> Output:
+    """The turbine's equations for a rigid turn of all it stands on about the foundation: what the ground takes up."""
+    _, shape = parts.modal_support
+    wide = np.hstack([shape, rigid_turns(parts.support)[:, [side]]])
+    support = parts.support
+    mass, damping = (wide.T @ matrix @ wide for matrix in (support.mass, support.damping))
+    structure, _, _ = turbine_structure(
+        modal_blade_matrices(parts),
+        (mass, damping, np.zeros_like(mass)),  # a rigid turn strains nothing above the ground
+        blade_components(parts, wide),
+        parts.case.rotor_speed,
     )
-    return Equations(structure, lattice_input, output, TURBINE_INPUTS, TURBINE_OUTPUTS)
+    rows, columns = slice(-1, None), slice(None, -1)
+    return Output(
+        acceleration=-structure.mass[rows, columns],
+        velocity=-structure.damping[rows, columns],
+        position=-structure.stiffness[rows, columns],
+        load=structure.work[rows],
+    )
+
+
+def rigid_turns(support: LinearSupport) -> Array:
+    """Motion (N, 2) of the support's nodes in rigid turns about the base: over downwind, and over to the left.
+
+    The moments that do work on them are positive for a thrust downwind, and for a force to the left of one who looks
+    downwind: the sides on which the tower's top moves positively.
+    """
+    nodes = np.vstack([support.tower_position[1:], support.apex])
+    axes = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]).T
+    moves = (rigid_displacement(nodes)[:, 3:] @ axes).reshape(-1, 3, 2)
+    return np.concatenate([moves, np.broadcast_to(axes, moves.shape)], axis=1).reshape(-1, 2)
 
 
 def blade_components(parts: Parts, support_shape: Array) -> Array:
@@ -158,7 +222,7 @@ def blade_equations(parts: Parts) -> Equations:
             position=np.vstack([-root @ stiffness, tip @ clamp]),
             load=np.vstack([root, np.zeros_like(root)]),
         ),
-        BLADE_INPUTS,
+        blade_inputs(lattice.flaps),
         BLADE_OUTPUTS,
     )
 
@@ -188,8 +252,8 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
             [np.kron(slot[:, None], per_blade(own)) for slot, own in zip(slots, blades, strict=True)]
         )
 
-    def flap(name: str) -> Array:
-        return asked(lambda own: flap_effectiveness(own) * own.lattice.select(name))[..., 0]
+    def flaps(name: str) -> Array:
+        return asked(lambda own: flap_effectiveness(own) * own.lattice.select(name))
 
     modes = mean.lattice.modes
     return PeriodicEquations(
@@ -200,9 +264,10 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
         held=asked(lambda own: own.lattice.motion_inputs[0]),
         moving=asked(lambda own: own.lattice.motion_inputs[1]),
         felt=np.stack([np.kron(slot[None], np.eye(modes + 6)) for slot in slots]),
-        flap_angle=flap("flap_angle"),
-        flap_rate=flap("flap_rate"),
-        gust=asked(lambda own: own.lattice.select("gust").sum(axis=1, keepdims=True))[..., 0],
+        flap_angle=flaps("flap_angle"),
+        flap_rate=flaps("flap_rate"),
+        gust=asked(lambda own: own.lattice.select("gust")),
+        by_strip=mean.strips > 0,
         root=np.stack([root_moment(own.blade, modes)[0] for own in blades]),
         tip=np.stack([tip_deflection(own.case, own.shape)[0] for own in blades]),
         rotor_speed=mean.case.rotor_speed,
@@ -210,7 +275,7 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
 
 
 def flap_effectiveness(parts: Parts) -> float:
-    """Factor on what the flap of this blade does."""
+    """Factor on what the flaps of this blade do."""
     return parts.case.blades.flap_effectiveness[0]
 
 
@@ -247,8 +312,22 @@ def root_moment(blade: LinearBlade, modes: int, axis: Array = FLAPWISE) -> Array
     return row
 
 
-def tip_deflection(case: Case, shape: Array) -> Array:
-    """Row (1, m + 6) for the tip's deflection normal to the coned, undeflected blade, downwind."""
+def edgewise(case: Case) -> Array:
+    """Axis (3,) square to the coned, untwisted blade, about which a load in the rotor's direction turns positively."""
     cone = case.turbine.rotor.precone
-    flapwise = np.array([np.cos(cone), 0.0, np.sin(cone)])
-    return np.hstack([flapwise @ shape[-6:-3], np.zeros(6)])[None]
+    return np.array([np.cos(cone), 0.0, np.sin(cone)])
+
+
+def deflection(parts: Parts, share: float) -> Array:
+    """Row (1, m + 6) for the deflection at a share of the blade's length, linear between the nodes beside it."""
+    radius = parts.case.turbine.blade_sections(parts.case.discretisation.blade_elements).radius
+    at = float(np.interp(share, (radius - radius[0]) / (radius[-1] - radius[0]), np.arange(len(radius))))
+    inner = min(int(at), len(radius) - 2)
+    clamped = np.vstack([np.zeros((6, parts.shape.shape[1])), parts.shape]).reshape(len(radius), 6, -1)
+    between = (inner + 1 - at) * clamped[inner] + (at - inner) * clamped[inner + 1]
+    return tip_deflection(parts.case, between)
+
+
+def tip_deflection(case: Case, shape: Array) -> Array:
+    """Row (1, m + 6) for the deflection of a shape's last node normal to the coned, undeflected blade, downwind."""
+    return np.hstack([edgewise(case) @ shape[-6:-3], np.zeros(6)])[None]

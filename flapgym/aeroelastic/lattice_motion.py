@@ -106,7 +106,7 @@ def segment_motion(case: Case, aero: Aerodynamics, motion: LatticeMotion) -> Seg
         held,
         -rigid_displacement(midpoint).reshape(q, 3, 6),
         hub_turn,
-        np.zeros((q, 3, 2)),  # a flap is felt in the downwash alone
+        np.zeros((q, 3, 2 * len(case.flaps))),  # a flap is felt in the downwash alone
         gust_past_segments(aero),
     ]
     velocity = np.concatenate(parts, axis=2)

@@ -27,16 +27,11 @@ from flapgym.aeroelastic.coupling import (
 )
 from flapgym.core.arrays import BLADES, Array
 from flapgym.model.multiblade import blade_azimuths, derivative_coupling, hub_components, on_rotor
+from flapgym.model.signals import EACH_BLADE, turbine_inputs, turbine_outputs
 from flapgym.reduction import ReducedSystem
 
-PERIODIC_INPUTS = (*(f"flap_angle_{b}" for b in (1, 2, 3)), *(f"flap_rate_{b}" for b in (1, 2, 3)), "wind")
 IMBALANCE = "imbalance"
-PERIODIC_OUTPUTS = (
-    *(f"rbm_{b}" for b in (1, 2, 3)),
-    *(f"tip_deflection_{b}" for b in (1, 2, 3)),
-    "tower_fore_aft",
-    "tower_side_side",
-)
+PERIODIC_OUTPUTS = turbine_outputs(parts=EACH_BLADE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +96,16 @@ class PeriodicEquations:
         Lattice inputs of each blade per held position and per rate of its modes and its hub.
     felt : (3, m + 6, ny) float
         Loads on each blade's modes and hub per its lattice outputs.
-    flap_angle, flap_rate, gust : (3, nu) float
-        Lattice inputs of each blade per flap angle, flap rate and homogeneous wind.
+    flap_angle, flap_rate : (3, nu, F) float
+        Lattice inputs of each blade per angle and per rate of its F flaps.
+    gust : (3, nu, strips) float
+        The same per wind in each strip.
     root, tip : (3, m + 6) float
         Flapwise root moment per load on (modes, hub); tip deflection per (modes, hub).
     rotor_speed : float
         [rad/s].
+    by_strip : bool
+        Whether the wind in each strip of each blade is an input, too.
     steady : (3, 6) float, optional
         Steady force and moment of each blade on the hub, in its frame: what of it turns with unequal blades is a
         further input, ``IMBALANCE``, held at one.
@@ -125,6 +124,7 @@ class PeriodicEquations:
     root: Array
     tip: Array
     rotor_speed: float
+    by_strip: bool = False
     steady: Array | None = None
 
     @property
@@ -135,7 +135,9 @@ class PeriodicEquations:
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
-        return PERIODIC_INPUTS if self.steady is None else (*PERIODIC_INPUTS, IMBALANCE)
+        strips = self.gust.shape[2] if self.by_strip else 0
+        own = turbine_inputs(self.flap_angle.shape[2], strips, parts=EACH_BLADE)
+        return own if self.steady is None else (*own, IMBALANCE)
 
     def __call__(self, azimuth: float) -> Equations:
         """Equations with the joint at an azimuth."""
@@ -149,11 +151,10 @@ class PeriodicEquations:
         # The lattice speaks in components on the rotor; blades in their own signals.
         spread = scipy.linalg.block_diag(*self.felt) @ np.kron(on_rotor(), np.eye(self.felt.shape[2]))
         gather = np.kron(np.linalg.inv(on_rotor()), np.eye(self.held.shape[1]))
-        flaps = [
-            scipy.linalg.block_diag(*(column[:, None] for column in part))
-            for part in (self.flap_angle, self.flap_rate)
-        ]
-        exogenous = gather @ np.hstack([*flaps, self.gust.reshape(-1, 1)])
+        homogeneous = self.gust.sum(axis=2).reshape(-1, 1)
+        strips = _blade_by_blade(self.gust) if self.by_strip else []
+        flaps = _blade_by_blade(self.flap_angle) + _blade_by_blade(self.flap_rate)
+        exogenous = gather @ np.hstack([*flaps, homogeneous, *strips])
         forcing = None
         if self.steady is not None:
             exogenous = np.hstack([exogenous, np.zeros((len(exogenous), 1))])
@@ -211,6 +212,14 @@ class PeriodicEquations:
             T[b, modes:, BLADES * modes :] = np.tensordot(basis, components, 1) @ self.hub
             turning[b, modes:, BLADES * modes :] = np.tensordot(basis @ rate, components, 1) @ self.hub
         return T.reshape(-1, T.shape[2]), turning.reshape(-1, T.shape[2])
+
+
+def _blade_by_blade(part: Array) -> list[Array]:
+    """Columns (3 nu, 3) of the inputs (3, nu, k) flap by flap, or strip by strip, each on all blades."""
+    return [
+        scipy.linalg.block_diag(*(column[:, None] for column in of_blades))
+        for of_blades in np.moveaxis(part, 2, 0)
+    ]
 
 
 def periodic_model(

@@ -7,16 +7,16 @@ made in the blades' frames, so that the discretisation stays what it was. The tw
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.linalg
 
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder
-from flapgym.aeroelastic.periodic import PERIODIC_INPUTS
 from flapgym.core.arrays import BLADES, Array
+from flapgym.core.state_space import StateSpace
 from flapgym.model.multiblade import blade_azimuths, derivative_coupling, on_rotor
-from flapgym.model.turbine_model import TURBINE_INPUTS, TURBINE_OUTPUTS
-
-Step = tuple[Array, Array, Array, Array]
+from flapgym.model.signals import COMPONENTS, EACH_BLADE, grouped
 
 
 def in_multiblade(equations: Equations, azimuth: float, rotor_speed: float, modes: int) -> Equations:
@@ -46,7 +46,8 @@ def in_multiblade(equations: Equations, azimuth: float, rotor_speed: float, mode
     to_rotor = np.linalg.solve(on_rotor(), spread)
     loads = np.kron(to_rotor, np.eye(structure.work.shape[1] // BLADES))
     to_ground = np.kron(np.linalg.inv(to_rotor), np.eye(asks.position.shape[0] // BLADES))
-    enter, leave = _input_change(spread, len(equations.inputs)), _output_change(spread)
+    enter = _change(spread, equations.inputs)
+    leave = np.linalg.inv(_change(spread, equations.outputs))
 
     def moved(mass: Array, damping: Array, stiffness: Array) -> tuple[Array, Array, Array]:
         return (
@@ -65,20 +66,20 @@ def in_multiblade(equations: Equations, azimuth: float, rotor_speed: float, mode
             exogenous=to_ground @ asks.exogenous @ enter,
         ),
         Output(leave @ acceleration, leave @ velocity, leave @ position, leave @ read.load @ loads),
-        (*TURBINE_INPUTS, *equations.inputs[len(PERIODIC_INPUTS) :]),
-        TURBINE_OUTPUTS,
+        _renamed(equations.inputs),
+        _renamed(equations.outputs),
         None if equations.forcing is None else Q.T @ equations.forcing @ enter,
     )
 
 
 def step_in_multiblade(
-    step: Step, azimuth: float, turn: float, modes: int, support: int, collective: int
-) -> Step:
+    step: StateSpace, azimuth: float, turn: float, modes: int, support: int, collective: int
+) -> StateSpace:
     """A step of the blades' frames, in multi-blade coordinates: the same motion to rounding.
 
     Parameters
     ----------
-    step : A, B, C, D
+    step : StateSpace
         From an azimuth [rad] over a ``turn`` [rad], with the states (d, d', xi): positions and rates of the blades'
         modes and of the support, and the lattice on the rotor.
     azimuth, turn : float
@@ -88,12 +89,11 @@ def step_in_multiblade(
 
     Returns
     -------
-    A, B, C, D
+    StateSpace
         Its states are the components of the blades' positions and of their rates (not the rates of the components), at
         the azimuth each belongs to, those of the support, and those of the lattice seen from the ground.
     """
-    A, B, C, D = step
-    whirl = (A.shape[0] - 2 * (BLADES * modes + support) - collective) // 2
+    whirl = (step.order - 2 * (BLADES * modes + support) - collective) // 2
 
     def states(angle: float) -> Array:
         """From multi-blade coordinates to the blades' frames and the rotor."""
@@ -103,9 +103,17 @@ def step_in_multiblade(
         return scipy.linalg.block_diag(*2 * [blades, np.eye(support)], np.eye(collective), turned)
 
     here, there, spread = states(azimuth), states(azimuth + turn), spread_matrix(azimuth)
-    enter, leave = _input_change(spread, B.shape[1]), _output_change(spread)
+    enter, leave = _change(spread, step.inputs), np.linalg.inv(_change(spread, step.outputs))
     back = np.linalg.inv(there)
-    return back @ A @ here, back @ B @ enter, leave @ C @ here, leave @ D @ enter
+    return StateSpace(
+        back @ step.A @ here,
+        back @ step.B @ enter,
+        leave @ step.C @ here,
+        leave @ step.D @ enter,
+        step.time_step,
+        _renamed(step.inputs),
+        _renamed(step.outputs),
+    )
 
 
 def spread_matrix(azimuth: float) -> Array:
@@ -120,11 +128,17 @@ def _blocks(blades: Array, modes: int, support: int, still: bool = False) -> Arr
     return np.asarray(scipy.linalg.block_diag(np.kron(blades, np.eye(modes)), rest))
 
 
-def _input_change(spread: Array, inputs: int) -> Array:
-    """From multi-blade inputs to blade by blade; wind and what follows are the same."""
-    return scipy.linalg.block_diag(spread, spread, np.eye(inputs - 2 * BLADES))
+def _change(spread: Array, signals: Sequence[str]) -> Array:
+    """From multi-blade coordinates to blade by blade; of what is not the blades', the same."""
+    return scipy.linalg.block_diag(
+        *(spread if of_blades else np.eye(1) for _, of_blades in grouped(signals, EACH_BLADE))
+    )
 
 
-def _output_change(spread: Array) -> Array:
-    back = np.linalg.inv(spread)
-    return scipy.linalg.block_diag(back, back, np.eye(len(TURBINE_OUTPUTS) - 2 * BLADES))
+def _renamed(signals: Sequence[str]) -> tuple[str, ...]:
+    """Names of the blades' signals in multi-blade coordinates."""
+    return tuple(
+        name
+        for base, of_blades in grouped(signals, EACH_BLADE)
+        for name in ([f"{base}_{part}" for part in COMPONENTS] if of_blades else [base])
+    )

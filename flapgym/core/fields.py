@@ -22,7 +22,7 @@ import os
 import re
 import typing
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -187,6 +187,30 @@ class Text:
                 f"{name}: expected a text of one line and at most {LONGEST_TEXT} characters, got {shown(value)}"
             )
         return value
+
+
+@dataclass(frozen=True)
+class Words:
+    """A row of words, none twice, each of which a regular expression of a few matches in full."""
+
+    patterns: tuple[str, ...]
+    example: str
+    """What messages say to write."""
+
+    def parse(self, value: object, name: str) -> tuple[str, ...]:
+        """Read a TOML array."""
+        return self.check(value, name)
+
+    def check(self, value: object, name: str) -> tuple[str, ...]:
+        """Refuse what is no row of such words."""
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"{name}: expected a row of names ({self.example}), got {shown(value)}")
+        for place, word in enumerate(value):
+            known = isinstance(word, str) and any(re.fullmatch(pattern, word) for pattern in self.patterns)
+            if not known or word in value[:place]:
+                wanted = self.example if not known else "each name once"
+                raise ValueError(f"{name}[{place}]: expected {wanted}, got {shown(word)}")
+        return tuple(value)
 
 
 @dataclass(frozen=True)
@@ -394,6 +418,11 @@ def is_number(value: object) -> bool:
     return isinstance(value, int) or math.isfinite(value)  # any int is; those past a double have no float
 
 
+def one_or_more(table: str) -> dict[str, str]:
+    """Metadata of a field of several data classes: in files ``[table]`` for one alone, or ``[[table]]`` for each."""
+    return {"table": table}
+
+
 def specification(cls: type) -> dict[str, Any]:
     """Return what each field of a data class may hold: a specification of this module, or a (nested) type."""
     hints = typing.get_type_hints(cls, include_extras=True)
@@ -433,8 +462,13 @@ def read(cls: type[T], table: object, section: str = "") -> T:
     specs = specification(cls)
     if any(isinstance(spec, Column) for spec in specs.values()):
         return cls(**_read_columns(specs, table, section))
-    check_keys(table, specs, section, _with_default(cls))
-    return cls(**{key: _read_value(specs[key], table[key], _dotted(section, key)) for key in table})
+    given = _present(cls, table, section)
+    return cls(
+        **{
+            f.name: _read_value(specs[f.name], _listed(f, table[key]), _dotted(section, key))
+            for key, f in given.items()
+        }
+    )
 
 
 def _read_value(spec: Any, value: object, name: str) -> Any:
@@ -446,7 +480,9 @@ def _read_value(spec: Any, value: object, name: str) -> Any:
     if not isinstance(value, list) or not value:
         raise ValueError(f"{name}: expected one or more tables [[{name}]], got {shown(value)}")
     (item, _) = typing.get_args(spec)
-    return tuple(read(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+    return tuple(
+        read(item, entry, place) for place, entry in zip(_places(name, len(value)), value, strict=True)
+    )
 
 
 def _parsed(spec: Any, value: object, name: str) -> Any:
@@ -455,10 +491,18 @@ def _parsed(spec: Any, value: object, name: str) -> Any:
 
 
 def to_plain(value: Any) -> Any:
-    """A data class as nested dictionaries, lists and SI numbers, which JSON can hold and `from_plain` reads."""
+    """A data class as nested dictionaries, lists and SI numbers, which JSON can hold and `from_plain` reads.
+
+    A field at its default is left out: one that comes later changes nothing in what was written before it.
+    """
     if is_dataclass(value):
         kind = {"kind": value.kind} if hasattr(value, "kind") else {}
-        return kind | {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
+        given = {f: getattr(value, f.name) for f in fields(value)}
+        return kind | {
+            _key(f): _unlisted(f, to_plain(v))
+            for f, v in given.items()
+            if f.default is MISSING or v != f.default
+        }
     if isinstance(value, np.ndarray | tuple):
         return [to_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
     return value
@@ -488,8 +532,13 @@ def from_plain(cls: type[T], values: object, section: str = "") -> T:
             f"{section}: expected a mapping of {', '.join(specification(cls))}, got {shown(values)}"
         )
     specs = specification(cls)
-    check_keys(values, specs, section, _with_default(cls))
-    return cls(**{key: _plain_value(specs[key], values[key], _dotted(section, key)) for key in values})
+    given = _present(cls, values, section)
+    return cls(
+        **{
+            f.name: _plain_value(specs[f.name], _listed(f, values[key]), _dotted(section, key))
+            for key, f in given.items()
+        }
+    )
 
 
 def _plain_value(spec: Any, value: Any, name: str) -> Any:
@@ -503,13 +552,39 @@ def _plain_value(spec: Any, value: Any, name: str) -> Any:
     if typing.get_origin(spec) is tuple and is_dataclass(item):
         if not isinstance(value, list | tuple):
             raise ValueError(f"{name}: expected a list of mappings, got {shown(value)}")
-        return tuple(_plain_value(item, entry, f"{name}[{i}]") for i, entry in enumerate(value))
+        places = _places(name, len(value))
+        return tuple(_plain_value(item, entry, place) for place, entry in zip(places, value, strict=True))
     return value
 
 
-def _with_default(cls: type) -> set[str]:
-    """Fields that may be left out."""
-    return {f.name for f in fields(cls) if f.default is not MISSING or f.default_factory is not MISSING}
+def _places(name: str, count: int) -> list[str]:
+    """What messages call the entries of a list; one by itself needs no number."""
+    return [f"{name}[{i}]" for i in range(count)] if count > 1 else [name]
+
+
+def _key(of: Field[Any]) -> str:
+    """What a field is called in files."""
+    return str(of.metadata.get("table", of.name))
+
+
+def _listed(of: Field[Any], value: Any) -> Any:
+    """One table that stands for a list of one, as that list."""
+    return [value] if "table" in of.metadata and isinstance(value, Mapping) else value
+
+
+def _unlisted(of: Field[Any], value: Any) -> Any:
+    """A list of one as the table that stands for it."""
+    return value[0] if "table" in of.metadata and len(value) == 1 else value
+
+
+def _present(cls: type, table: Mapping[str, object], section: str) -> dict[str, Field[Any]]:
+    """Fields of a data class by the keys that a table gives; refuses what is unknown, and missing without default."""
+    known = {_key(f): f for f in fields(cls)}
+    optional = [
+        key for key, f in known.items() if f.default is not MISSING or f.default_factory is not MISSING
+    ]
+    check_keys(table, known, section, optional)
+    return {key: f for key, f in known.items() if key in table}
 
 
 def check_keys(

@@ -3,6 +3,28 @@
 Whoever runs a built model needs none of the physics behind it; `flapgym.aeroelastic.build` makes one.
 """
 
-from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, builtin_models, load_model, save_model
+from flapgym.model.model_set import ModelSet, load_model_set, save_model_set
+from flapgym.model.signals import blade_flap_inputs, flap_inputs, strip_inputs
+from flapgym.model.turbine_model import (
+    DEFAULT_MODEL,
+    ModelFlap,
+    TurbineModel,
+    builtin_models,
+    load_model,
+    save_model,
+)
 
-__all__ = ["DEFAULT_MODEL", "TurbineModel", "builtin_models", "load_model", "save_model"]
+__all__ = [
+    "DEFAULT_MODEL",
+    "ModelFlap",
+    "ModelSet",
+    "TurbineModel",
+    "blade_flap_inputs",
+    "builtin_models",
+    "flap_inputs",
+    "load_model",
+    "load_model_set",
+    "save_model",
+    "save_model_set",
+    "strip_inputs",
+]

@@ -16,6 +16,7 @@ from flapgym.core.arrays import Array
 from flapgym.core.files import check_plain
 from flapgym.core.wording import shown
 from flapgym.model.record import Flutter, Record
+from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, flap_names, turbine_inputs, turbine_outputs
 
 if TYPE_CHECKING:
     from flapgym.model.turbine_model import TurbineModel
@@ -26,12 +27,17 @@ RANGES = {
     "time_step": (1e-5, 1.0, "s"),
     "turbulence_intensity": (1e-9, 1.0, ""),
     "length_scale": (0.1, 1e6, "m"),
-    "flap_angle_limit": (1e-9, math.pi, "rad"),
-    "flap_rate_limit": (1e-9, 1e3, "rad/s"),
-    "acceleration_limit": (1e-9, 1e6, "rad/s^2"),
     "rbm_rms": (1e-3, 1e12, "N m"),
 }
 """Numbers that every model has, from where to where, and unit: beyond lies no turbine, and what overflows."""
+FLAP_RANGES = {
+    "angle_limit": (1e-9, math.pi, "rad"),
+    "rate_limit": (1e-9, 1e3, "rad/s"),
+    "acceleration_limit": (1e-9, 1e6, "rad/s^2"),
+}
+"""The same of every flap."""
+ONE_FLAP = ("flap_angle_limit", "flap_rate_limit", "acceleration_limit")
+"""What a file calls the limits of a turbine's only flap."""
 LARGEST_ENTRY = 1e30
 """Of any matrix: products of a few stay finite."""
 
@@ -46,6 +52,7 @@ def check_header(header: Mapping[str, Any]) -> None:
     """
     for name, (low, high, unit) in RANGES.items():
         _check_number(header[name], name, low, high, unit)
+    _check_flap_entries(header)
     for name in ("name", "inputs_hash"):
         _check_text(header[name], name)
     for system in ("turbine", "blade"):
@@ -71,22 +78,19 @@ def check_tensors(tensors: Mapping[str, Array]) -> None:
             raise ValueError(f"{shown(name)}: expected finite numbers below {LARGEST_ENTRY:g}, got others")
 
 
-def check_model(model: TurbineModel, inputs: Mapping[str, tuple[str, ...]]) -> None:
-    """Refuse a model that no plant could step, or whose loads grow by themselves; raises as `check_header`.
-
-    Parameters
-    ----------
-    model : TurbineModel
-    inputs : mapping
-        Names of inputs and outputs that the model's systems have, as "turbine.inputs".
-    """
+def check_model(model: TurbineModel) -> None:
+    """Refuse a model that no plant could step, or whose loads grow by themselves; raises as `check_header`."""
     for name, (low, high, unit) in RANGES.items():
         _check_number(getattr(model, name), name, low, high, unit)
+    _check_flaps(model)
     check_plain(dict(model.case), "case")
+    signals = {
+        "turbine": (turbine_inputs(len(model.flaps), model.strips), _told(model)),
+        "blade": (blade_inputs(len(model.flaps)), BLADE_OUTPUTS),
+    }
     for system in ("turbine", "blade"):
         part = getattr(model, system)
-        for kind in ("inputs", "outputs"):
-            expected = inputs[f"{system}.{kind}"]
+        for kind, expected in zip(("inputs", "outputs"), signals[system], strict=True):
             if getattr(part, kind) != expected:
                 raise ValueError(
                     f"{system}.{kind}: expected {', '.join(expected)}, got {shown(list(getattr(part, kind)))}"
@@ -100,6 +104,48 @@ def check_model(model: TurbineModel, inputs: Mapping[str, tuple[str, ...]]) -> N
                 f"{part.order} states"
             )
     _check_periodic(model)
+
+
+def _told(model: TurbineModel) -> tuple[str, ...]:
+    """The turbine's outputs as they must be: those of every model, then any further ones."""
+    own = turbine_outputs()
+    return own + model.turbine.outputs[len(own) :]
+
+
+def _check_flaps(model: TurbineModel) -> None:
+    """Refuse flaps that are not named in order, or whose limits lie out of range."""
+    if not model.flaps:
+        raise ValueError("flaps: expected one or more flaps, got none")
+    names = tuple(flap.name for flap in model.flaps)
+    if names != flap_names(len(names)):
+        raise ValueError(
+            f"flaps: expected the names {', '.join(flap_names(len(names)))}, got {shown(list(names))}"
+        )
+    for place, flap in enumerate(model.flaps):
+        limits = {name: getattr(flap, name) for name in FLAP_RANGES}
+        _check_limits(limits, ONE_FLAP if len(names) == 1 else [f"flaps[{place}].{name}" for name in limits])
+
+
+def _check_flap_entries(header: Mapping[str, Any]) -> None:
+    """Refuse what a file says of its flaps: three numbers of a single one, or a list of several."""
+    if "flaps" not in header:
+        _check_limits(
+            {name: header[entry] for name, entry in zip(FLAP_RANGES, ONE_FLAP, strict=True)}, ONE_FLAP
+        )
+        return
+    _check_list(header["flaps"], "flaps", lambda flap, name: _check_keys(flap, name, ("name", *FLAP_RANGES)))
+    if len(header["flaps"]) < 2:
+        raise ValueError(
+            f"flaps: expected two or more, or {', '.join(ONE_FLAP)}, got {shown(header['flaps'])}"
+        )
+    for place, flap in enumerate(header["flaps"]):
+        _check_text(flap["name"], f"flaps[{place}].name")
+        _check_limits(flap, [f"flaps[{place}].{name}" for name in FLAP_RANGES])
+
+
+def _check_limits(limits: Mapping[str, Any], names: Collection[str]) -> None:
+    for (limit, (low, high, unit)), name in zip(FLAP_RANGES.items(), names, strict=True):
+        _check_number(limits[limit], name, low, high, unit)
 
 
 def _check_periodic(model: TurbineModel) -> None:

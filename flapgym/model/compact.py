@@ -12,7 +12,8 @@ import scipy.linalg
 
 from flapgym.core.fields import Quantity
 from flapgym.core.state_space import StateSpace
-from flapgym.model.turbine_model import BLADE_INPUTS, TURBINE_INPUTS, TurbineModel
+from flapgym.model.signals import COMPONENTS, blade_flap_inputs, blade_inputs
+from flapgym.model.turbine_model import TurbineModel
 from flapgym.reduction import balance, relative_error
 from flapgym.wind import von_karman_filter
 
@@ -40,7 +41,7 @@ def compact_model(model: TurbineModel, tolerance: float) -> TurbineModel:
     Raises
     ------
     ValueError
-        If the tolerance is out of range.
+        If the tolerance is out of range, or the model tells the wind strip by strip.
     """
     turbine, error = smallest(model.turbine, activity(model), tolerance)
     errors = {**model.record.errors, "turbine reduced as a whole": error}
@@ -54,10 +55,13 @@ def compact_blade(model: TurbineModel, tolerance: float) -> StateSpace:
     of flap for as likely as a metre per second of wind, and a metre of the tip for as much as a newton metre.
     """
     own = activity(model)
-    # The flap of the blade that stands at azimuth zero is the sum of the mean and the cosine component.
-    first = np.zeros((3, len(own.outputs)))
-    first[[0, 0, 1, 1, 2], [0, 1, 3, 4, 6]] = 1.0
-    weight = replace(own, C=first @ own.C, D=first @ own.D, outputs=BLADE_INPUTS)
+    # A flap of the blade that stands at azimuth zero is the sum of its mean and its cosine component.
+    inputs = blade_inputs(len(model.flaps))
+    first = np.zeros((len(inputs), len(own.outputs)))
+    for row, name in enumerate(blade_flap_inputs(len(model.flaps))):
+        first[row, [own.outputs.index(f"{name}_0"), own.outputs.index(f"{name}_c")]] = 1.0
+    first[-1, own.outputs.index("wind")] = 1.0
+    weight = replace(own, C=first @ own.C, D=first @ own.D, outputs=inputs)
     return smallest(model.blade, weight, tolerance)[0]
 
 
@@ -85,29 +89,43 @@ def smallest(system: StateSpace, weight: StateSpace, tolerance: float) -> tuple[
 
 
 def activity(model: TurbineModel) -> StateSpace:
-    """White noise shaped into what the turbine's inputs see: turbulence and three independently moving flaps.
+    """White noise shaped into what the turbine's inputs see: turbulence and all flaps, each moving by itself.
 
-    Each blade's flap moves by itself. On the blades its angle and rate are a Butterworth filter's states; in
-    multi-blade coordinates those of the cosine and sine components also turn back with the rotor.
+    On the blades a flap's angle and rate are a Butterworth filter's states; in multi-blade coordinates those of the
+    cosine and sine components also turn back with the rotor.
     """
+    if model.strips:
+        raise ValueError(
+            "compact_model: expected a homogeneous wind, got one by strip, which is weighed by no spectrum here; "
+            "take the model as it is, or one without strip winds"
+        )
     wind = von_karman_filter(
         model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step
     )
     cutoff = 2.0 * np.pi * _FLAP_BANDWIDTH
     continuous = np.array([[0.0, 1.0], [-(cutoff**2), -np.sqrt(2.0) * cutoff]])
-    covariance = (_FLAP_SHARE * model.flap_angle_limit) ** 2 * np.diag([1.0, cutoff**2])
     step = scipy.linalg.expm(continuous * model.time_step)
-    noise = np.linalg.cholesky(covariance - step @ covariance @ step.T)
     turn = model.rotor_speed * model.time_step
     back = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     # The mean of three independent signals has a third of their variance, cosine and sine components two thirds.
     mean, whirl = np.sqrt(1.0 / 3.0), np.sqrt(2.0 / 3.0)
-    order, white = wind.order, len(wind.inputs)
-    A = scipy.linalg.block_diag(wind.A, step, np.kron(back, step))
-    B = scipy.linalg.block_diag(wind.B, mean * noise, whirl * noise, whirl * noise)
-    C, D = np.zeros((7, A.shape[0])), np.zeros((7, B.shape[1]))
-    C[[0, 3, 1, 4, 2, 5], order:] = np.eye(6)  # angle and rate of each multi-blade component
-    C[6, :order], D[6, :white] = wind.C[0], wind.D[0]
-    return StateSpace(
-        A, B, C, D, model.time_step, tuple(f"white_{i}" for i in range(B.shape[1])), TURBINE_INPUTS
-    )
+    A, B = [wind.A], [wind.B]
+    for flap in model.flaps:
+        covariance = (_FLAP_SHARE * flap.angle_limit) ** 2 * np.diag([1.0, cutoff**2])
+        noise = np.linalg.cholesky(covariance - step @ covariance @ step.T)
+        A += [step, np.kron(back, step)]
+        B += [mean * noise, whirl * noise, whirl * noise]
+    dynamics, entering = scipy.linalg.block_diag(*A), scipy.linalg.block_diag(*B)
+    inputs = model.turbine.inputs
+    C, D = np.zeros((len(inputs), len(dynamics))), np.zeros((len(inputs), entering.shape[1]))
+    # Angle and rate of each multi-blade component, flap by flap.
+    rows = [
+        inputs.index(f"{flap.name}_{kind}_{part}")
+        for flap in model.flaps
+        for part in COMPONENTS
+        for kind in ("angle", "rate")
+    ]
+    C[rows, wind.order :] = np.eye(len(rows))
+    C[inputs.index("wind"), : wind.order], D[inputs.index("wind"), : len(wind.inputs)] = wind.C[0], wind.D[0]
+    white = tuple(f"white_{i}" for i in range(entering.shape[1]))
+    return StateSpace(dynamics, entering, C, D, model.time_step, white, inputs)

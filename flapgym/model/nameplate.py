@@ -1,4 +1,4 @@
-"""What a model's case tells of the machine behind its matrices: which turbine, how large, with which flap and airloads.
+"""What a model's case tells of the machine behind its matrices: turbine, size, flaps, airloads.
 
 A model may hold a case of an older flapgym, or of none: each part is read by itself, and what is not there is None.
 """
@@ -27,8 +27,8 @@ class Nameplate:
         Its name.
     rotor_radius, hub_height : float or None
         [m]
-    flap_span : tuple of two floats or None
-        Ends of the flaps along the blade's axis, from the apex, over the rotor radius.
+    flap_spans : tuple of pairs of floats
+        Ends of each flap of a blade along its axis, from the apex, over the rotor radius; empty where not told.
     airloads : Airloads or None
         How the loads were read.
     """
@@ -36,8 +36,13 @@ class Nameplate:
     turbine: str | None = None
     rotor_radius: float | None = None
     hub_height: float | None = None
-    flap_span: tuple[float, float] | None = None
+    flap_spans: tuple[tuple[float, float], ...] = ()
     airloads: Airloads | None = None
+
+    @property
+    def flap_span(self) -> tuple[float, float] | None:
+        """Ends of the first flap."""
+        return self.flap_spans[0] if self.flap_spans else None
 
     @property
     def size(self) -> str:
@@ -67,15 +72,21 @@ def nameplate(case: Mapping[str, Any]) -> Nameplate:
         turbine=_name(machine),
         rotor_radius=None if rotor is None else rotor.radius,
         hub_height=None if rotor is None or tower is None else rotor.height_on(float(tower.height[-1])),
-        flap_span=_flap_span(case, machine, rotor),
+        flap_spans=_flap_spans(case, machine, rotor),
         airloads=_part(Airloads, case, "airloads"),
     )
 
 
 def _part(kind: type[T], content: Mapping[str, Any], key: str) -> T | None:
     """A section of a case, or None where it is missing or not as this flapgym knows it."""
+    return _read(kind, content.get(key), key)
+
+
+def _read(kind: type[T], section: object, key: str) -> T | None:
+    if not isinstance(section, Mapping):
+        return None
     try:
-        return from_plain(kind, content[key], key)
+        return from_plain(kind, section, key)
     except (KeyError, TypeError, ValueError):
         return None
 
@@ -87,17 +98,25 @@ def _name(machine: Mapping[str, Any]) -> str | None:
         return None
 
 
-def _flap_span(
+def _flap_spans(
     case: Mapping[str, Any], machine: Mapping[str, Any], rotor: Rotor | None
-) -> tuple[float, float] | None:
-    flap, grid = _part(Flap, case, "flap"), _part(Discretisation, case, "discretisation")
-    if rotor is None or flap is None or grid is None:
-        return None
+) -> tuple[tuple[float, float], ...]:
+    told, grid = case.get("flap"), _part(Discretisation, case, "discretisation")
+    # One flap a blade is a section by itself, several are a list.
+    flaps = [_read(Flap, each, "flap") for each in (told if isinstance(told, list) else [told])]
+    if rotor is None or grid is None:
+        return ()
     nodes = "blade_sections_12" if grid.blade_elements == 12 else "blade_sections_documented"
     sections = _part(BladeSections, machine, nodes)
     if sections is None or len(sections.radius) != grid.blade_elements + 1:
-        return None
-    # The flap's ends are fractions of the lattice's span, which begins outside the blade's root.
-    first, last = sections.radius[[grid.first_lattice_node, -1]]
-    inner, outer = (float(first + share * (last - first)) for share in (flap.span_start, flap.span_end))
-    return inner / rotor.radius, outer / rotor.radius
+        return ()
+    # The flaps' ends are fractions of the lattice's span, which begins outside the blade's root.
+    first, last = (float(r) for r in sections.radius[[grid.first_lattice_node, -1]])
+    spans = [
+        (first + flap.span_start * (last - first), first + flap.span_end * (last - first))
+        for flap in flaps
+        if flap is not None
+    ]
+    if len(spans) < len(flaps):
+        return ()
+    return tuple((inner / rotor.radius, outer / rotor.radius) for inner, outer in spans)

@@ -19,63 +19,52 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from flapgym.core.arrays import Array
+from flapgym.core.arrays import BLADES, Array
 from flapgym.core.atomic import write_atomically
 from flapgym.core.files import MEGABYTE, parse_json, regular_file
 from flapgym.core.state_space import StateSpace, require_time_step
 from flapgym.core.wording import number, one_line, shown
-from flapgym.model.check import check_header, check_model, check_tensors
+from flapgym.model.check import ONE_FLAP, check_header, check_model, check_tensors
 from flapgym.model.harmonics import PeriodicPart, shaken_at
 from flapgym.model.record import Flutter, Record
+from flapgym.model.signals import BLADE_OUTPUTS as BLADE_OUTPUTS
+from flapgym.model.signals import blade_inputs, flap_names, grouped, turbine_inputs, turbine_outputs
 
 FORMAT_VERSION = 2
 DEFAULT_MODEL = "nrel5mw-corrected"
 """The shipped model meant where none is named."""
 LARGEST = 128 * MEGABYTE
 """Of a model file [bytes]: unequal blades take two."""
+_LIMITS = ("angle_limit", "rate_limit", "acceleration_limit")
 _SYSTEMS = ("turbine", "blade")
 _MATRICES = ("A", "B", "C", "D")
 _REAL, _COMPLEX = ("left", "right"), ("core", "forcing")  # of the periodic part
-_HASH_SETTINGS = (
-    "wind_speed",
-    "rotor_speed",
-    "time_step",
-    "turbulence_intensity",
-    "length_scale",
-    "flap_angle_limit",
-    "flap_rate_limit",
-    "acceleration_limit",
-)
+_HASH_SETTINGS = ("wind_speed", "rotor_speed", "time_step", "turbulence_intensity", "length_scale")
 _HASH_FREQUENCIES = (0.0, 0.3, 1.0, 3.0)  # Hz
 _HASH_AZIMUTHS = (0.0, 1.0, 2.5)  # rad, where unequal blades are looked at
 
-TURBINE_INPUTS = (
-    "flap_angle_0",
-    "flap_angle_c",
-    "flap_angle_s",
-    "flap_rate_0",
-    "flap_rate_c",
-    "flap_rate_s",
-    "wind",
-)
-TURBINE_OUTPUTS = (
-    "rbm_0",
-    "rbm_c",
-    "rbm_s",
-    "tip_deflection_0",
-    "tip_deflection_c",
-    "tip_deflection_s",
-    "tower_fore_aft",
-    "tower_side_side",
-)
-BLADE_INPUTS = ("flap_angle", "flap_rate", "wind")
-BLADE_OUTPUTS = ("rbm", "tip_deflection")
-_SIGNALS = {
-    "turbine.inputs": TURBINE_INPUTS,
-    "turbine.outputs": TURBINE_OUTPUTS,
-    "blade.inputs": BLADE_INPUTS,
-    "blade.outputs": BLADE_OUTPUTS,
-}
+TURBINE_INPUTS = turbine_inputs(1)
+TURBINE_OUTPUTS = turbine_outputs()
+BLADE_INPUTS = blade_inputs(1)
+"""Of a model with one flap a blade, homogeneous wind and no further outputs."""
+
+
+@dataclass(frozen=True)
+class ModelFlap:
+    """The stops of a flap, the same on every blade.
+
+    Attributes
+    ----------
+    name : str
+        With which its inputs begin: "flap", or "flap1" to "flapF" from root to tip.
+    angle_limit, rate_limit, acceleration_limit : float
+        Stops [rad, rad/s] and the acceleration an action of one stands for [rad/s^2], to either side.
+    """
+
+    name: str
+    angle_limit: float
+    rate_limit: float
+    acceleration_limit: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,23 +75,24 @@ class TurbineModel:
     ----------
     turbine : StateSpace
         Whole turbine in multi-blade coordinates u_b = u_0 + u_c cos(theta_b) + u_s sin(theta_b),
-        theta_b = theta + 2 pi b / 3 (b = 0, 1, 2). Inputs ``TURBINE_INPUTS``: flap angle [rad] and
-        rate [rad/s] in multi-blade coordinates, homogeneous wind perturbation along the shaft [m/s].
+        theta_b = theta + 2 pi b / 3 (b = 0, 1, 2). Inputs ``flap_inputs``, the flaps' angles [rad] and
+        rates [rad/s] in multi-blade coordinates, then the homogeneous wind perturbation along the shaft [m/s], then,
+        where the case asks for it, that in each of a blade's strips in multi-blade coordinates.
         Outputs ``TURBINE_OUTPUTS``: flapwise root bending moment [N m] and tip deflection [m] in
         multi-blade coordinates, tower-top displacement [m] downwind and sideways (positive to the left of one
-        who looks downwind). All are perturbations about the trim; gravity is left out.
+        who looks downwind); then those the case asks for. All are perturbations about the trim; gravity is left out.
     blade : StateSpace
         One blade clamped at its root, rotating alone in its own wake but bent as in the rotor's trim (the
         paper's design model): inputs
-        ``BLADE_INPUTS``, outputs ``BLADE_OUTPUTS``, same units.
+        ``blade_flap_inputs`` and the wind, outputs ``BLADE_OUTPUTS``, same units.
     name : str
         Name of the case.
     wind_speed, rotor_speed, time_step : float
         Operating point [m/s, rad/s] and sampling time [s].
     turbulence_intensity, length_scale : float
         The case's reference turbulence [-, m].
-    flap_angle_limit, flap_rate_limit, acceleration_limit : float
-        Flap stops [rad, rad/s] and the acceleration an action of one stands for [rad/s^2].
+    flaps : tuple of ModelFlap
+        Of each blade, from root to tip.
     rbm_rms : float
         Open-loop rms of the root bending moment under the reference turbulence, mean over blades [N m].
     inputs_hash : str
@@ -126,9 +116,7 @@ class TurbineModel:
     time_step: float
     turbulence_intensity: float
     length_scale: float
-    flap_angle_limit: float
-    flap_rate_limit: float
-    acceleration_limit: float
+    flaps: tuple[ModelFlap, ...]
     rbm_rms: float
     inputs_hash: str
     case: Mapping[str, Any]
@@ -151,6 +139,7 @@ class TurbineModel:
         the same hash.
         """
         settings = [getattr(self, name) for name in _HASH_SETTINGS]
+        settings += [getattr(flap, name) for flap in self.flaps for name in _LIMITS]
         digest = hashlib.sha256(repr(settings).encode())
         systems = [self.turbine, self.blade]
         if self.periodic is not None:
@@ -164,6 +153,36 @@ class TurbineModel:
             parts = np.stack([response.real, response.imag]) / largest
             digest.update((np.round(parts, 3) + 0.0).astype("<f8").tobytes())
         return digest.hexdigest()
+
+    @property
+    def flap_angle_limit(self) -> float:
+        """Largest angle of the first flap [rad]."""
+        return self.flaps[0].angle_limit
+
+    @property
+    def flap_rate_limit(self) -> float:
+        """Largest rate of the first flap [rad/s]."""
+        return self.flaps[0].rate_limit
+
+    @property
+    def acceleration_limit(self) -> float:
+        """Largest acceleration of the first flap [rad/s^2]."""
+        return self.flaps[0].acceleration_limit
+
+    @property
+    def strips(self) -> int:
+        """Strips of a blade whose wind is an input of its own; zero where the wind is homogeneous alone."""
+        return (len(self.turbine.inputs) - len(turbine_inputs(len(self.flaps)))) // BLADES
+
+    @cached_property
+    def blade_outputs(self) -> tuple[str, ...]:
+        """Outputs of the turbine that each blade has, without the ends of their multi-blade coordinates."""
+        return tuple(name for name, of_blades in grouped(self.turbine.outputs) if of_blades)
+
+    @cached_property
+    def fixed_outputs(self) -> tuple[str, ...]:
+        """Outputs of the turbine that are not the blades'."""
+        return tuple(name for name, of_blades in grouped(self.turbine.outputs) if not of_blades)
 
     @property
     def form(self) -> str:
@@ -202,16 +221,25 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
     ValueError
         If it is a model that `load_model` would refuse.
     """
+    header, tensors = packed(model)
+    # The header is one JSON text under a key of our own: safetensors metadata holds strings only.
+    metadata = {"flapgym": json.dumps(header, sort_keys=True)}
+    write_atomically(path, safetensors.numpy.save(tensors, metadata))
+
+
+def packed(model: TurbineModel) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Header, sealed with its checksum, and tensors of a model's file; raises as `save_model`."""
     try:
-        check_model(model, _SIGNALS)
+        check_model(model)
     except ValueError as error:
         raise ValueError(f"model {one_line(model.name)}: {error}") from None
     tensors = _tensors(model)
     header = {
         f.name: getattr(model, f.name)
         for f in fields(model)
-        if f.name not in (*_SYSTEMS, "case", "periodic", "record")
+        if f.name not in (*_SYSTEMS, "case", "flaps", "periodic", "record")
     }
+    header |= _flap_entries(model.flaps)
     record = model.record
     header["case"] = dict(model.case)
     header["record"] = {
@@ -224,9 +252,7 @@ def save_model(model: TurbineModel, path: str | os.PathLike[str]) -> None:
         part = getattr(model, system)
         header[system] = {"inputs": part.inputs, "outputs": part.outputs}
     header["checksum"] = _checksum(tensors, header)
-    # The header is one JSON text under a key of our own: safetensors metadata holds strings only.
-    metadata = {"flapgym": json.dumps(header, sort_keys=True)}
-    write_atomically(path, safetensors.numpy.save(tensors, metadata))
+    return header, tensors
 
 
 def load_model(name: str | os.PathLike[str] = DEFAULT_MODEL) -> TurbineModel:
@@ -244,7 +270,11 @@ def load_model(name: str | os.PathLike[str] = DEFAULT_MODEL) -> TurbineModel:
         raise ValueError(
             f"model {path}: a case, not a model file; make one by `flapgym build {path} --output FILE`"
         )
-    header, tensors = _read(path)
+    return unpacked(*_read(path), path)
+
+
+def unpacked(header: dict[str, Any], tensors: dict[str, Array], path: Path) -> TurbineModel:
+    """The model of a header and tensors that `packed` made; the path is for messages. Raises ValueError."""
     if (version := header.get("format_version")) != FORMAT_VERSION:
         raise ValueError(
             f"model {path}: format version {shown(version)}, this flapgym reads {FORMAT_VERSION}; build it again"
@@ -254,7 +284,7 @@ def load_model(name: str | os.PathLike[str] = DEFAULT_MODEL) -> TurbineModel:
     try:
         check_tensors(tensors)
         model = _model(header, tensors)
-        check_model(model, _SIGNALS)
+        check_model(model)
     except KeyError as error:
         raise ValueError(f"model {path}: {error}: missing; build it again") from None
     except ValueError as error:
@@ -286,15 +316,23 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
 def _model(header: dict[str, Any], tensors: Mapping[str, Array]) -> TurbineModel:
     """The model that a file's content describes."""
     check_header(header)
-    known = {f.name for f in fields(TurbineModel)} - {"periodic"}
+    known = {f.name for f in fields(TurbineModel)} - {"periodic", "flaps"} | _flap_keys(header)
     names = {f"{system}.{matrix}" for system in _SYSTEMS for matrix in _MATRICES}
     names |= {f"periodic.{name}" for name in (*_REAL, *_COMPLEX)}
     for kind, given, expected in (("entry", header, known), ("matrix", tensors, names)):
         if unknown := sorted(given.keys() - expected):
             raise ValueError(f"{shown(unknown[0])}: unknown {kind}")
     turbine, blade = (_system(system, header, tensors) for system in _SYSTEMS)
-    rest = {name: value for name, value in header.items() if name not in (*_SYSTEMS, "record")}
-    return TurbineModel(turbine, blade, periodic=_periodic(tensors), record=_record(header["record"]), **rest)
+    apart = {*_SYSTEMS, "record", *_flap_keys(header)}
+    rest = {name: value for name, value in header.items() if name not in apart}
+    return TurbineModel(
+        turbine,
+        blade,
+        flaps=_flaps(header),
+        periodic=_periodic(tensors),
+        record=_record(header["record"]),
+        **rest,
+    )
 
 
 def _system(name: str, header: Mapping[str, Any], tensors: Mapping[str, Array]) -> StateSpace:
@@ -333,6 +371,23 @@ def _tensors(model: TurbineModel) -> dict[str, Array]:
             value = getattr(model.periodic, name)
             tensors[f"periodic.{name}"] = np.stack([value.real, value.imag])
     return tensors
+
+
+def _flap_entries(flaps: tuple[ModelFlap, ...]) -> dict[str, Any]:
+    """What a file's header says of the flaps: of one alone its three limits, as every model once had."""
+    if len(flaps) == 1:
+        return {entry: getattr(flaps[0], name) for entry, name in zip(ONE_FLAP, _LIMITS, strict=True)}
+    return {"flaps": [asdict(flap) for flap in flaps]}
+
+
+def _flap_keys(header: Mapping[str, Any]) -> set[str]:
+    return {"flaps"} if "flaps" in header else set(ONE_FLAP)
+
+
+def _flaps(header: Mapping[str, Any]) -> tuple[ModelFlap, ...]:
+    if "flaps" in header:
+        return tuple(ModelFlap(**flap) for flap in header["flaps"])
+    return (ModelFlap(flap_names(1)[0], *(header[entry] for entry in ONE_FLAP)),)
 
 
 def _record(content: Mapping[str, Any]) -> Record:

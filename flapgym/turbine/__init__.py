@@ -8,6 +8,7 @@ from flapgym.turbine.case import (
     Flap,
     OperatingPoint,
     Reduction,
+    Signals,
     Turbulence,
 )
 from flapgym.turbine.files import BUILT_IN, DEFAULT_CASE, load_case, load_turbine
@@ -44,6 +45,7 @@ __all__ = [
     "Polar",
     "Reduction",
     "Rotor",
+    "Signals",
     "TowerSections",
     "Turbine",
     "Turbulence",

@@ -1,16 +1,27 @@
-"""A case: the turbine, its operating point, the flap and the discretisation (paper Sections II and IV)."""
+"""A case: the turbine, its operating point, its flaps and the discretisation (paper Sections II and IV)."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from flapgym.core.fields import Choice, Count, PerBlade, Quantity, Text, check_fields, from_plain, to_plain
+from flapgym.core.fields import (
+    Choice,
+    Count,
+    PerBlade,
+    Quantity,
+    Text,
+    Words,
+    check_fields,
+    from_plain,
+    one_or_more,
+    to_plain,
+)
 from flapgym.core.units import DEGREE
 from flapgym.core.wording import number
 from flapgym.turbine.machine import Turbine
@@ -135,7 +146,7 @@ class Airloads:
 
 @dataclass(frozen=True)
 class Flap:
-    """The trailing-edge flap of each blade and the limits of its actuator.
+    """A trailing-edge flap that each blade has, and the limits of its actuator.
 
     Attributes
     ----------
@@ -177,7 +188,7 @@ class Blades:
     mass_factor, stiffness_factor : three floats
         On all masses and inertias, and on all stiffnesses, of a blade's sections.
     flap_effectiveness : three floats
-        On what a blade's flap does, beside `flap.effectiveness`; zero for a dead flap.
+        On what a blade's flaps do, beside `flap.effectiveness`; zero for dead flaps.
     pitch_offset : three floats
         Added to the collective pitch [rad].
     """
@@ -236,26 +247,82 @@ class Turbulence:
         check_fields(self, "turbulence")
 
 
+BLADE_LOADS = ("rbm_edge",)
+"""Further loads of each blade that a model may tell."""
+TOWER_LOADS = ("tower_base_fore_aft", "tower_base_side_side")
+"""Further loads of the tower."""
+STATION = r"deflection_(\d|[1-9]\d|100)"
+"""Deflection of each blade at a station, whole percent of its length from the root."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Inputs and outputs that the model has after those of every model.
+
+    Attributes
+    ----------
+    wind : "homogeneous" or "by strip"
+        Whether the wind in each strip of each blade is an input, too, for a wind that differs over the rotor.
+    outputs : tuple of str
+        Of ``BLADE_LOADS``, ``TOWER_LOADS`` and deflections by ``STATION``: in this order after the others.
+    """
+
+    wind: Annotated[Literal["homogeneous", "by strip"], Choice(("homogeneous", "by strip"))] = "homogeneous"
+    outputs: Annotated[
+        tuple[str, ...],
+        Words(
+            (*BLADE_LOADS, *TOWER_LOADS, STATION),
+            f"{', '.join((*BLADE_LOADS, *TOWER_LOADS))} or deflection_N at N percent of the blade",
+        ),
+    ] = ()
+
+    def __post_init__(self) -> None:
+        check_fields(self, "signals")
+
+    @property
+    def further(self) -> tuple[tuple[str, bool], ...]:
+        """The outputs, each with whether it is the blades'."""
+        return tuple((name, name not in TOWER_LOADS) for name in self.outputs)
+
+
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Everything a model is built from; SI units and radians throughout."""
+    """Everything a model is built from; SI units and radians throughout.
+
+    ``flaps`` are those of each blade, in files `[flap]` or several `[[flap]]`: from root to tip, none over another.
+    """
 
     name: Annotated[str, Text()]
     turbine: Turbine
     operating_point: OperatingPoint
     discretisation: Discretisation
     airloads: Airloads
-    flap: Flap
+    flaps: tuple[Flap, ...] = field(metadata=one_or_more("flap"))
     reduction: Reduction
     turbulence: Turbulence
     blades: Blades
+    signals: Signals = Signals()
 
     def __post_init__(self) -> None:
         check_fields(self)
         self.turbine.blade_sections(self.discretisation.blade_elements)
+        self._check_flaps()
         self._check_pitch()
         self._check_structure()
         self._check_lattice()
+
+    def _check_flaps(self) -> None:
+        """Refuse flaps that are not in order: a model numbers them from root to tip."""
+        if not self.flaps:
+            raise ValueError(
+                "flap: expected one or more flaps, got none; a dead one has an effectiveness near zero"
+            )
+        for i, (inner, outer) in enumerate(zip(self.flaps, self.flaps[1:], strict=False)):
+            if outer.span_start < inner.span_end:
+                raise ValueError(
+                    f"flap[{i + 1}].span_start: expected at least flap[{i}].span_end ({inner.span_end}), got "
+                    f"{outer.span_start}; list the flaps from root to tip, none over another"
+                )
 
     def _check_pitch(self) -> None:
         """Refuse wind above rated with unpitched blades, on which the flow is not attached."""
@@ -348,7 +415,8 @@ class Case:
 
     def to_dict(self) -> dict[str, Any]:
         """Return every value of the case and its turbine as nested dictionaries, lists and numbers, in SI."""
-        return {f.name: to_plain(getattr(self, f.name)) for f in fields(self)}
+        plain: dict[str, Any] = to_plain(self)
+        return plain
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Case:

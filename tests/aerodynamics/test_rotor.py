@@ -89,7 +89,7 @@ def test_z_domain_equals_marching(component, rotor, case):
     growth = 1.04 * np.exp(2j * np.pi * 0.8 * rotor.time_step)
     phase = np.exp(2j * np.pi * component * np.arange(3) / 3)
     signal = np.real(growth ** np.arange(1.0 - steps, 1.0)[:, None] * phase)
-    inputs = np.column_stack([gust_downwash(rotor)[:, 9], flap_downwash(rotor, case.flap)[0]])
+    inputs = np.column_stack([gust_downwash(rotor)[:, 9], flap_downwash(rotor, case.flaps[0])[0]])
     load = root_moment_load(rotor, case)
     response = transfer_function(rotor, component, growth, inputs, load)[0, 0]
     for column, gain in zip(inputs.T, response, strict=True):
@@ -108,14 +108,16 @@ def test_low_frequency_limit_is_the_steady_solution(rotor, case):
 def test_steady_gains_do_not_depend_on_the_chordwise_count(panels, rotor, case):
     grid = replace(case.discretisation, chordwise_panels=panels)
     if panels == 5:  # the case's flap needs whole panels; the flap alone does not
-        fine_case = replace(case, discretisation=grid, flap=replace(case.flap, chord_fraction=0.2))
+        fine_case = replace(case, discretisation=grid, flaps=(replace(case.flaps[0], chord_fraction=0.2),))
     else:
         fine_case = replace(case, discretisation=grid)
     fine = build_aerodynamics(fine_case)
     gust = steady_root_moment(rotor, case, gust_downwash(rotor).sum(axis=1))
     assert steady_root_moment(fine, case, gust_downwash(fine).sum(axis=1)) == pytest.approx(gust, rel=1e-3)
-    flap = steady_root_moment(rotor, case, flap_downwash(rotor, case.flap)[0])
-    assert steady_root_moment(fine, case, flap_downwash(fine, case.flap)[0]) == pytest.approx(flap, rel=1e-3)
+    flap = steady_root_moment(rotor, case, flap_downwash(rotor, case.flaps[0])[0])
+    assert steady_root_moment(fine, case, flap_downwash(fine, case.flaps[0])[0]) == pytest.approx(
+        flap, rel=1e-3
+    )
 
 
 def test_other_blades_take_load_off(rotor, single_blade, case):
@@ -126,7 +128,7 @@ def test_other_blades_take_load_off(rotor, single_blade, case):
 
 def test_gains_have_the_sign_of_lift(rotor, case):
     assert steady_root_moment(rotor, case, gust_downwash(rotor).sum(axis=1)) > 0
-    angle, rate = flap_downwash(rotor, case.flap)
+    angle, rate = flap_downwash(rotor, case.flaps[0])
     assert steady_root_moment(rotor, case, angle) > 0
     assert steady_root_moment(rotor, case, rate) > 0
     covered = angle.reshape(10, 10) != 0
@@ -151,9 +153,9 @@ def test_positions_replace_the_undeformed_axis(rotor, case):
 
 
 def test_several_flaps_add_up_to_the_one_they_make_together(rotor, case):
-    inner = flap_downwash(rotor, replace(case.flap, span_start=0.55, span_end=0.8))
-    outer = flap_downwash(rotor, replace(case.flap, span_start=0.8, span_end=0.93))
-    whole = flap_downwash(rotor, replace(case.flap, span_start=0.55, span_end=0.93))
+    inner = flap_downwash(rotor, replace(case.flaps[0], span_start=0.55, span_end=0.8))
+    outer = flap_downwash(rotor, replace(case.flaps[0], span_start=0.8, span_end=0.93))
+    whole = flap_downwash(rotor, replace(case.flaps[0], span_start=0.55, span_end=0.93))
     for parts, together in zip(zip(inner, outer, strict=True), whole, strict=True):
         np.testing.assert_allclose(sum(parts), together, atol=1e-9)
 
@@ -166,7 +168,7 @@ def test_documented_stations_give_the_same_gains_as_even_strips(rotor, case):
     assert fine.lattice.strips == 37
     for inputs in (
         lambda aero: gust_downwash(aero).sum(axis=1),
-        lambda aero: flap_downwash(aero, case.flap)[0],
+        lambda aero: flap_downwash(aero, case.flaps[0])[0],
     ):
         coarse_gain = steady_root_moment(rotor, case, inputs(rotor))
         assert steady_root_moment(fine, documented, inputs(fine)) == pytest.approx(coarse_gain, rel=0.03)

@@ -156,7 +156,7 @@ def test_slow_flow_at_the_same_tip_speed_ratio_has_the_same_gain_and_a_lag_longe
         discretisation=replace(case.discretisation, time_step=2.0 * case.discretisation.time_step),
     )
     slow = wake_transport(half, 0.5 * shed)
-    for ours, theirs in ((slow.wind, states.wind), (slow.flap, states.flap)):
+    for ours, theirs in ((slow.wind, states.wind), (slow.flaps[0], states.flaps[0])):
         assert ours.gain == pytest.approx(theirs.gain, rel=1e-5)
         assert ours.time_constant == pytest.approx(2.0 * theirs.time_constant, rel=1e-3)
 
@@ -171,10 +171,10 @@ def test_state_is_exact_for_a_wind_that_is_linear_between_steps():
 
 
 def test_state_takes_off_a_steady_flap_what_a_free_wake_does(case, rotor, states):
-    turned = flap_downwash(rotor, case.flap)[0][:, None]
+    turned = flap_downwash(rotor, case.flaps[0])[0][:, None]
     moment = steady_response(rotor, turned, root_moment_load(rotor, case)).item() * np.radians(1.0) / 1e6
     assert moment == pytest.approx(1.07 * FREE_WAKE_FLAP, rel=0.01)
-    assert moment * (1.0 + states.flap.gain) == pytest.approx(FREE_WAKE_FLAP, rel=0.01)
+    assert moment * (1.0 + states.flaps[0].gain) == pytest.approx(FREE_WAKE_FLAP, rel=0.01)
 
 
 def test_flap_s_state_follows_a_long_fixed_wake(case, rotor, long_case, long_wake, states):
@@ -182,9 +182,9 @@ def test_flap_s_state_follows_a_long_fixed_wake(case, rotor, long_case, long_wak
     moments = []
     for of, aero in ((case, rotor), (long_case, long_wake)):
         step = np.ones((round(DURATION / aero.time_step), 1))
-        turned = flap_downwash(aero, case.flap)[0][:, None]
+        turned = flap_downwash(aero, case.flaps[0])[0][:, None]
         moments.append(collective_response(aero, step, turned, root_moment_load(aero, of)))
-    ours = states.flap.state_space(rotor.time_step, "flap").simulate(moments[0])[:, 0]
+    ours = states.flaps[0].state_space(rotor.time_step, "flap").simulate(moments[0])[:, 0]
     time, late = (np.arange(len(m)) * a.time_step for m, a in zip(moments, (rotor, long_wake), strict=True))
     wanted = np.interp(time, late, moments[1][:, 0])
     np.testing.assert_allclose(ours[time > 0.1], wanted[time > 0.1], rtol=0.02)

@@ -41,7 +41,7 @@ def test_pitch_about_mid_chord_is_theodorsens(k, courant, tolerance):
 @pytest.mark.parametrize("k, courant, tolerance", ACCURACY)
 def test_flap_is_theodorsens(k, courant, tolerance, case):
     wing = straight_wing(courant=courant)
-    flap = replace(case.flap, span_start=0.0, span_end=1.0, chord_fraction=0.1, effectiveness="glauert")
+    flap = replace(case.flaps[0], span_start=0.0, span_end=1.0, chord_fraction=0.1, effectiveness="glauert")
     by_angle, by_rate = lift_response(wing, k, np.stack(flap_downwash(wing.aero, flap), axis=1)).T
     response = by_angle + 2j * k * by_rate
     # Hinge at c semichords behind mid-chord; T-functions of NACA report 496.
@@ -92,7 +92,7 @@ def test_steady_lift_with_a_hundred_chords_of_wake():
 def test_flap_lift_is_glauerts_at_any_number_of_panels(panels, ratio, case):
     assert glauert_scale(panels, 0.1) == pytest.approx(ratio, abs=5e-4)
     wing = straight_wing(panels)
-    flap = replace(case.flap, span_start=0.0, span_end=1.0, chord_fraction=0.1, effectiveness="glauert")
+    flap = replace(case.flaps[0], span_start=0.0, span_end=1.0, chord_fraction=0.1, effectiveness="glauert")
     angle, _ = flap_downwash(wing.aero, flap)
     steady = wing.aero.force.sum(axis=0) @ steady_circulation(wing.aero, angle[:, None])
     np.testing.assert_allclose(wing.lift_load @ steady, 2.4870, rtol=0.01)
@@ -102,7 +102,7 @@ def test_flap_lift_is_glauerts_at_any_number_of_panels(panels, ratio, case):
 
 def test_flap_scaled_by_a_number_and_partly_covering_strips(case):
     wing = straight_wing(strips=4)
-    flap = replace(case.flap, span_start=0.125, span_end=0.5, chord_fraction=0.2, effectiveness=1.0)
+    flap = replace(case.flaps[0], span_start=0.125, span_end=0.5, chord_fraction=0.2, effectiveness=1.0)
     angle, rate = flap_downwash(wing.aero, flap)
     expected = np.zeros((10, 4))
     expected[8:] = [0.5, 1.0, 0.0, 0.0]

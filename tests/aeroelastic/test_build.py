@@ -150,8 +150,8 @@ def small():
 
 def test_halving_the_flap_halves_its_gain_and_changes_the_hash(small):
     case = coarse()
-    share = 0.5 * glauert_scale(case.discretisation.chordwise_panels, case.flap.chord_fraction)
-    halved = build_model(replace(case, flap=replace(case.flap, effectiveness=share)))
+    share = 0.5 * glauert_scale(case.discretisation.chordwise_panels, case.flaps[0].chord_fraction)
+    halved = build_model(replace(case, flaps=(replace(case.flaps[0], effectiveness=share),)))
     columns = [name for name in small.turbine.inputs if name != "wind"]
     half, whole = (m.turbine.select(inputs=columns).dc_gain() for m in (halved, small))
     size = np.abs(whole).max(axis=1, keepdims=True)
@@ -216,7 +216,7 @@ def test_other_operating_points_build_stable_models_that_gust_and_flap_load(poin
 
 def test_wider_and_deeper_flap_loads_the_blade_more_at_any_time_step(small):
     case = coarse(time_step=0.012)
-    model = build_model(replace(case, flap=replace(case.flap, span_start=0.5, chord_fraction=0.35)))
+    model = build_model(replace(case, flaps=(replace(case.flaps[0], span_start=0.5, chord_fraction=0.35),)))
     assert model.time_step == 0.012
     ours, theirs = (m.turbine.dc_gain()[0] for m in (model, small))
     assert ours[0] > 1.5 * theirs[0]  # flap
@@ -257,4 +257,4 @@ def test_balance_that_does_not_exist_names_the_operating_point():
 def test_flap_too_small_for_the_lattice_is_named():
     case = coarse()
     with pytest.raises(ValueError, match=r"flap: the lattice resolves no flap from span_start 0\.7"):
-        build_model(replace(case, flap=replace(case.flap, span_end=0.7 + 1e-12)))
+        build_model(replace(case, flaps=(replace(case.flaps[0], span_end=0.7 + 1e-12),)))

@@ -13,7 +13,6 @@ from flapgym.aeroelastic.periodic import periodic_model, step_matrices
 from flapgym.aeroelastic.transform import spread_matrix, step_in_multiblade
 from flapgym.core.state_space import StateSpace
 from flapgym.model.multiblade import to_components
-from flapgym.model.turbine_model import TURBINE_INPUTS, TURBINE_OUTPUTS
 from flapgym.turbine import load_case
 
 CASE = load_case("nrel5mw-rated")
@@ -32,9 +31,10 @@ def forms():
     lattice, equations = multiblade_aerodynamics(collective, whirl, 0.0, STEP), periodic_equations(parts)
     table = periodic_model(equations, lattice, STEP, STEPS)
     turn, azimuth = CASE.rotor_speed * STEP, 0.9
-    step = step_matrices(equations, lattice, STEP, azimuth, turn)
-    still = step_in_multiblade(step, azimuth, turn, MODES, TOWER, AIR)
-    return table, StateSpace(*still, STEP, TURBINE_INPUTS, TURBINE_OUTPUTS)
+    step = StateSpace(
+        *step_matrices(equations, lattice, STEP, azimuth, turn), STEP, table.inputs, table.outputs
+    )
+    return table, step_in_multiblade(step, azimuth, turn, MODES, TOWER, AIR)
 
 
 def test_one_step_transformed_is_the_whole_table_in_time(forms):

@@ -83,7 +83,7 @@ class Linearised:
         """Non-linear steady forces (q, 3) [N]: circulation that the downwash asks for, in the total velocity."""
         aero = aero or self.aero
         downwash = incidence_downwash(aero, self.flow.loads.zero_lift_angle)
-        downwash = downwash + flap * flap_downwash(aero, self.case.flap)[0]
+        downwash = downwash + flap * flap_downwash(aero, self.case.flaps[0])[0]
         return joukowski_force(aero, steady_circulation(aero, downwash[:, None])[:, 0])
 
     def moved(self, moves=(0.0, 0.0, 0.0), turns=(0.0, 0.0, 0.0)):

@@ -32,7 +32,11 @@ def turbine_parts(modes, tower_modes, damping):
     frequency, shape = normal_modes(blade.mass, blade.stiffness, modes)
     rng = np.random.default_rng(8)
     lattice = BladeLattice(
-        rng.standard_normal((4, 2 * modes + 11)), rng.standard_normal((modes + 6, 5)), modes, strips=1
+        rng.standard_normal((4, 2 * modes + 11)),
+        rng.standard_normal((modes + 6, 5)),
+        modes,
+        flaps=1,
+        strips=1,
     )
     return Parts(case, blade, linear_support(turbine, case.rotor_speed), frequency, shape, lattice)
 

@@ -304,7 +304,9 @@ def test_a_section_of_duration_and_stops_tells_the_model_s_own():
             Estimate(0.0, 0.0, 0.0),
         )
     }
-    model = replace(MODEL, length_scale=220.0, flap_angle_limit=0.1, flap_rate_limit=0.5)
+    model = replace(
+        MODEL, length_scale=220.0, flaps=(replace(MODEL.flaps[0], angle_limit=0.1, rate_limit=0.5),)
+    )
     section = gust_alleviation(made, made["lqg"].changes, model, 2, 20.0, 12, 0.05, 0.3)
     assert "2 realisations of 20 s (1 L/U)" in section.content[0]
     assert (
@@ -382,7 +384,7 @@ def test_the_study_s_case_is_the_one_the_model_holds_whatever_its_name(tmp_path)
 def test_figures_of_the_turbine_are_judged_for_the_case_that_was_looked_at_alone(tmp_path, monkeypatch):
     monkeypatch.setattr(turbine_sections, "TURBINE", {})
     own = load_case("nrel5mw-rated")
-    other = replace(own, flap=replace(own.flap, span_start=0.5))
+    other = replace(own, flaps=(replace(own.flaps[0], span_start=0.5),))
     ours, theirs = (
         turbine_sections.turbine_figures(case, MODEL, tmp_path, Cache(tmp_path, "a"), print)
         for case in (own, other)

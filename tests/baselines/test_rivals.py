@@ -79,7 +79,12 @@ def test_the_moment_is_the_models_answer_to_the_motion(bound):
 
 def test_where_only_the_acceleration_is_bounded_it_is_bounded_least_squares(monkeypatch):
     monkeypatch.setattr(module, "PENALTY", 0.0)
-    steps, wide = 60, replace(MODEL, flap_angle_limit=100.0, flap_rate_limit=1e4, acceleration_limit=2.0)
+    steps, wide = (
+        60,
+        replace(
+            MODEL, flaps=(replace(MODEL.flaps[0], angle_limit=100.0, rate_limit=1e4, acceleration_limit=2.0),)
+        ),
+    )
     free = _gusty(steps)
     pulses = np.empty((steps, steps))
     for k in range(steps):

@@ -24,7 +24,7 @@ def found(request):
     case = replace(CASE, operating_point=point)
     blade = linear_blade(case.turbine, 12, case.rotor_speed)
     frequency, shape = normal_modes(blade.mass, blade.stiffness, MODES)
-    lattice = BladeLattice(np.zeros((1, 2 * MODES + 11)), np.zeros((MODES + 6, 3)), MODES, strips=1)
+    lattice = BladeLattice(np.zeros((1, 2 * MODES + 11)), np.zeros((MODES + 6, 3)), MODES, flaps=1, strips=1)
     parts = Parts(case, blade, linear_support(case.turbine, case.rotor_speed), frequency, shape, lattice)
     inputs, outputs = 3 * lattice.downwash.shape[1], 3 * (MODES + 6)
     vacuum = ReducedSystem(

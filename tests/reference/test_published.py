@@ -73,7 +73,7 @@ def test_inputs_and_outputs_have_a_unit_and_their_size(small):
     parts, lattice = small
     published = published_turbine(parts, lattice)
     assert [(s.unit, s.scale) for s in published.inputs] == [
-        *3 * [("rad/s^2", CASE.flap.acceleration_limit)],
+        *3 * [("rad/s^2", CASE.flaps[0].acceleration_limit)],
         ("-", 1.0),
     ]
     A, B, C, D = step_matrices(periodic_equations(parts), lattice, DT, 0.0, 0.0)

@@ -18,16 +18,20 @@ def altered(section, **changes):
     return dataclasses.replace(RATED, **{section: dataclasses.replace(getattr(RATED, section), **changes)})
 
 
+def flapped(**changes):
+    return dataclasses.replace(RATED, flaps=(dataclasses.replace(RATED.flaps[0], **changes),))
+
+
 def test_angles_are_radians_inside():
-    assert RATED.flap.angle_limit == pytest.approx(math.radians(10.0), rel=1e-15)
-    assert RATED.flap.rate_limit == pytest.approx(math.radians(100.0), rel=1e-15)
+    assert RATED.flaps[0].angle_limit == pytest.approx(math.radians(10.0), rel=1e-15)
+    assert RATED.flaps[0].rate_limit == pytest.approx(math.radians(100.0), rel=1e-15)
     assert RATED.turbine.rotor.precone == pytest.approx(math.radians(2.5), rel=1e-15)
 
 
 @pytest.mark.parametrize("value", [0.0, -0.1, 0.6, math.nan, math.inf, "10 deg", None, True])
 def test_a_limit_out_of_range_is_refused_in_code_as_in_a_file(value):
     with pytest.raises(ValueError, match=r"^flap\.angle_limit: expected "):
-        altered("flap", angle_limit=value)
+        flapped(angle_limit=value)
 
 
 @pytest.mark.parametrize("wind_speed", [0.0, 4.99, 61.0, math.nan])
@@ -53,9 +57,9 @@ def test_wind_up_to_rated_needs_no_pitch_and_above_it_may_be_any(point):
 
 
 def test_effectiveness_takes_a_number_or_a_word():
-    assert altered("flap", effectiveness=0.5).flap.effectiveness == 0.5
+    assert flapped(effectiveness=0.5).flaps[0].effectiveness == 0.5
     with pytest.raises(ValueError, match=r"flap\.effectiveness"):
-        altered("flap", effectiveness="half")
+        flapped(effectiveness="half")
 
 
 def test_a_negative_mass_density_is_refused_with_its_station():
@@ -92,7 +96,7 @@ def test_arrays_cannot_be_written_to():
 
 def test_fields_cannot_be_set():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        RATED.flap.angle_limit = 0.1
+        RATED.flaps[0].angle_limit = 0.1
 
 
 def test_hash_is_the_same_for_equal_cases_and_survives_pickling():
@@ -111,7 +115,7 @@ def test_to_dict_is_plain_json_with_every_number_of_the_tables():
     assert json.loads(json.dumps(plain, allow_nan=False)) == plain
     assert {len(column) for column in plain["turbine"]["blade_sections_documented"].values()} == {49}
     assert {len(column) for column in plain["turbine"]["tower"].values()} == {11}
-    assert plain["flap"]["angle_limit"] == RATED.flap.angle_limit
+    assert plain["flap"]["angle_limit"] == RATED.flaps[0].angle_limit
 
 
 @pytest.mark.parametrize("name", ["nrel5mw-rated", "nrel5mw-heavy-blade"])
@@ -160,7 +164,7 @@ def nudged(value, path):
     "path",
     [
         ("operating_point", "air_density"),
-        ("flap", "rate_limit"),
+        ("flaps", 0, "rate_limit"),
         ("reduction", "blade_modes"),
         ("turbulence", "length_scale"),
         ("turbine", "gravity"),

@@ -3,10 +3,11 @@
 import dataclasses
 import os
 from importlib import resources
+from itertools import pairwise
 
 import pytest
 
-from flapgym.turbine import load_case, load_turbine
+from flapgym.turbine import Case, load_case, load_turbine
 
 DATA = resources.files("flapgym.turbine").joinpath("data")
 TURBINE_TEXT = DATA.joinpath("nrel5mw.toml").read_text(encoding="utf-8")
@@ -200,7 +201,7 @@ def test_a_derived_case_holds_only_what_differs(tmp_path):
     assert case.name == "gusty"
     assert case.turbulence.intensity == pytest.approx(0.2)
     assert case.turbulence.length_scale == rated.turbulence.length_scale
-    assert case.flap == rated.flap
+    assert case.flaps[0] == rated.flaps[0]
     assert case.hash() != rated.hash()
 
 
@@ -221,8 +222,55 @@ def test_a_typo_in_a_derived_case_is_named(tmp_path):
 
 
 def test_a_number_in_place_of_a_table_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"flap: expected a table \[flap\], got 3"):
+    with pytest.raises(ValueError, match=r"flap: expected one or more tables \[\[flap\]\], got 3"):
         load_case(write(tmp_path, 'base = "nrel5mw-rated"\nname = "mine"\nflap = 3\n'))
+
+
+def test_a_number_in_place_of_a_single_table_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"reduction: expected a table \[reduction\], got 3"):
+        load_case(write(tmp_path, 'base = "nrel5mw-rated"\nname = "mine"\nreduction = 3\n'))
+
+
+FLAP = """
+[[flap]]
+span_start = {}
+span_end = {}
+chord_fraction = "10 %"
+effectiveness = "glauert"
+angle_limit = "10 deg"
+rate_limit = "100 deg/s"
+acceleration_limit = "600 deg/s^2"
+"""
+
+
+def test_several_flaps_replace_the_one_of_the_base_and_one_in_a_list_is_the_same_flap(tmp_path):
+    head = 'base = "nrel5mw-rated"\nname = "mine"\n'
+    edges = (0.45, 0.6, 0.75, 0.9)
+    several = load_case(write(tmp_path, head + "".join(map(FLAP.format, edges, edges[1:]))))
+    assert [(flap.span_start, flap.span_end) for flap in several.flaps] == list(pairwise(edges))
+    assert Case.from_dict(several.to_dict()).hash() == several.hash() != load_case("nrel5mw-rated").hash()
+    one = load_case(write(tmp_path, head + FLAP.format(0.7, 0.9)))
+    assert one.hash() == load_case("nrel5mw-rated").hash()
+
+
+@pytest.mark.parametrize(
+    "ends, said",
+    [
+        (
+            ((0.5, 0.7), (0.6, 0.8)),
+            r"flap\[1\].span_start: expected at least flap\[0\].span_end \(0.7\), got 0.6; list the flaps from root",
+        ),
+        (
+            ((0.7, 0.9), (0.5, 0.7)),
+            r"flap\[1\].span_start: expected at least flap\[0\].span_end \(0.9\), got 0.5",
+        ),
+        (((0.5, 0.7), (0.7, 1.2)), r"flap\[1\].span_end: expected 0 < number <= 1"),
+    ],
+)
+def test_flaps_that_overlap_or_stand_out_of_order_are_refused(tmp_path, ends, said):
+    text = 'base = "nrel5mw-rated"\nname = "mine"\n' + "".join(FLAP.format(*each) for each in ends)
+    with pytest.raises(ValueError, match=said):
+        load_case(write(tmp_path, text))
 
 
 def test_base_and_turbine_are_found_beside_the_file_that_names_them(tmp_path):

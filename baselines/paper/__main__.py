@@ -15,7 +15,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from baselines.paper.aerodynamics_sections import figure_8, figure_12
 from baselines.paper.cache import Cache
@@ -43,9 +42,10 @@ from flapgym.control.channels import ROTOR
 from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_together
 from flapgym.core.program import Parser, Work, run, whole
+from flapgym.core.progress import ProgressBar
 from flapgym.core.state_space import StateSpace
 from flapgym.evaluation import Record, measure, writable_folder
-from flapgym.evaluation.compare import MOST_REALISATIONS, PAPER_LENGTH, PAPER_REALISATIONS
+from flapgym.evaluation.comparison import MOST_REALISATIONS, PAPER_LENGTH, PAPER_REALISATIONS
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import TurbineModel, load_model
 from reference.study import study_turbine
@@ -79,10 +79,12 @@ class Study:
     realisations : int
     quick : bool
         Few controllers, two short realisations.
-    bar : tqdm
+    bar : ProgressBar
     """
 
-    def __init__(self, model: TurbineModel, folder: Path, realisations: int, quick: bool, bar: tqdm) -> None:
+    def __init__(
+        self, model: TurbineModel, folder: Path, realisations: int, quick: bool, bar: ProgressBar
+    ) -> None:
         self.model, self.folder, self.case = model, folder, paper_case(model)
         self.cache = Cache(folder / "parts", model.hash)
         self.duration = QUICK_DURATION if quick else PAPER_LENGTH * model.length_scale / model.wind_speed
@@ -301,7 +303,7 @@ def _door(options: argparse.Namespace) -> Work:
     folder = writable_folder(output / ("paper-trial" if options.quick else "paper"))
 
     def work() -> int:
-        with tqdm(total=len(names), unit=" parts") as bar:
+        with ProgressBar(total=len(names), unit=" parts") as bar:
             study = Study(model, folder, options.realisations, options.quick, bar)
             sections = []
             for name in names:

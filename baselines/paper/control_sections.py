@@ -14,7 +14,7 @@ from baselines.paper.scores import CHANGES, Score
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
 from flapgym.core.arrays import Array
 from flapgym.evaluation import Estimate
-from flapgym.evaluation.compare import PAPER_REALISATIONS
+from flapgym.evaluation.comparison import PAPER_REALISATIONS
 from flapgym.model.turbine_model import TurbineModel
 
 STOP, RATE = np.deg2rad(10.0), np.deg2rad(100.0)

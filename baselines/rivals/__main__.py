@@ -11,16 +11,15 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
 from baselines.paper.cache import Cache
 from baselines.paper.document import as_html, as_markdown
 from baselines.rivals.section import rivals_section
 from baselines.rivals.study import Study
 from flapgym.core.atomic import write_together
 from flapgym.core.program import Parser, Work, real, run, whole
+from flapgym.core.progress import ProgressBar
 from flapgym.evaluation import writable_folder
-from flapgym.evaluation.compare import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
+from flapgym.evaluation.comparison import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import load_model
 
@@ -35,7 +34,9 @@ def _door(options: argparse.Namespace) -> Work:
     duration = options.duration or PAPER_LENGTH * model.length_scale / model.wind_speed
 
     def work() -> int:
-        with tqdm(unit=" batches", bar_format="{desc:<16} {n_fmt}/{total_fmt}{unit}, {elapsed}") as bar:
+        with ProgressBar(
+            unit=" batches", bar_format="{desc:<16} {n_fmt}/{total_fmt}{unit}, {elapsed}"
+        ) as bar:
 
             def tell(name: str) -> None:
                 bar.set_description_str(name, refresh=False)

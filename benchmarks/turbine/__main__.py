@@ -11,8 +11,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import tqdm
-
 from benchmarks.turbine.accuracy import reduced_against_full, table_of_azimuths
 from benchmarks.turbine.bode import figure10, figure13, figure14
 from benchmarks.turbine.campbell import TIP_SPEED_RATIOS, campbell
@@ -20,6 +18,7 @@ from benchmarks.turbine.speed import ROUNDS, speed
 from benchmarks.turbine.study import Study, Tell
 from benchmarks.turbine.tips import figure11
 from flapgym.core.program import Parser, Work, run
+from flapgym.core.progress import ProgressBar
 from flapgym.evaluation import writable_folder
 from flapgym.turbine import load_case
 
@@ -57,7 +56,7 @@ def _door(options: argparse.Namespace) -> Work:
     def work() -> int:
         study = Study(load_case("nrel5mw-rated"))
         programs = FIGURES | {"full": against_full, "campbell": campbell}
-        with tqdm.tqdm(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
+        with ProgressBar(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
             begun = False
 
             def tell(stage: str) -> None:

@@ -32,7 +32,7 @@ from flapgym.control import OpenLoop
 from flapgym.core.atomic import write_atomically
 from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import SCORED_SEED, simulate, writable_folder
-from flapgym.evaluation.compare import PAPER_LENGTH
+from flapgym.evaluation.comparison import PAPER_LENGTH
 from flapgym.model import TurbineModel
 from flapgym.turbine import Case, load_case
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from flapgym.core.fields import Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
 from flapgym.envs.observation import QUANTITIES
+from flapgym.evaluation.bank import LinearBank, same_kind
 from flapgym.evaluation.metrics import Record
 from flapgym.model.turbine_model import TurbineModel
 
@@ -86,37 +88,21 @@ def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **setti
 
 @dataclass(eq=False)
 class _Player:
-    """An agent at its turbines of a shared environment.
+    """An agent, or linear ones together, at turbines of a shared environment.
 
     Attributes
     ----------
-    agent : Agent
     rows : slice
-        Its turbines.
+        The turbines, agent by agent.
     columns : (n,) int
-        Of the shared observation, in the order of the agent's own.
-    coming : (N, samples) float or None
-        The wind before it comes, as a lidar would tell a predictive controller [m/s].
-    state : array or None
-        Of the agent.
+        Of the shared observation, in the order of the agents' own.
+    act : callable
+        Actions (turbines, 3) for observations (turbines, n) after so many samples; each call is the next step.
     """
 
-    agent: Agent
     rows: slice
     columns: NDArray[np.int64]
-    coming: Array | None
-    state: Array | None = None
-
-    def act(
-        self, observations: NDArray[np.float32], start: NDArray[np.bool_], done: int
-    ) -> NDArray[np.float32]:
-        """Actions (N, 3) for what all turbines show after so many samples."""
-        observation = observations[self.rows, self.columns]
-        if self.coming is not None:
-            ahead = self.coming[:, done : done + getattr(self.agent, "preview", 0)]
-            observation = np.hstack([observation, ahead])
-        action, self.state = self.agent.predict(observation, self.state, start[self.rows])
-        return action
+    act: Callable[[NDArray[np.float32], int], NDArray[np.float32]]
 
 
 def _simulate_group(
@@ -138,16 +124,22 @@ def _simulate_group(
         # Whole intervals that cover the duration: agents of other intervals must not end early.
         duration=duration + steps * model.time_step,
         record_samples=True,
+        autoreset_mode="Disabled",  # nothing ends before its last sample
         **settings,
     )
+    # Of one kind side by side, so that linear controllers can act together.
+    order = sorted(range(len(agents)), key=lambda index: same_kind(agents[index]) or ())
+    agents = [agents[index] for index in order]
     players = _players(agents, observed, model, seeds, kept, settings)
     observation, first = environment.reset(seed=list(seeds) * len(agents))
-    start, series = np.ones(environment.num_envs, dtype=bool), dict[str, Array]()
+    series = dict[str, Array]()
     for done in range(0, kept, steps):
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
-            actions = np.concatenate([player.act(observation, start, done) for player in players])
+            actions = np.concatenate(
+                [player.act(observation[player.rows, player.columns], done) for player in players]
+            )
         if not np.isfinite(actions).all():
-            name = _name_of(players, ~np.isfinite(actions).all(axis=1))
+            name = agents[int(np.argmin(np.isfinite(actions).all(axis=1))) // len(seeds)].name
             raise ValueError(
                 f"agent {name}: gave an action that is not finite after {done * model.time_step:.2f} s; "
                 "its own state or its layers overflow"
@@ -159,20 +151,18 @@ def _simulate_group(
             if not done:
                 series[name] = np.empty((len(samples), kept, *samples.shape[2:]))
             series[name][:, done : done + new] = samples[:, :new]
-        start = terminated | truncated
+        ended = terminated | truncated
         advanced(environment.num_envs * new)
-        if done + steps < kept and start.any():
-            name = _name_of(players, start)
+        if done + steps < kept and ended.any():
+            name = agents[int(np.argmax(ended)) // len(seeds)].name
             raise RuntimeError(f"agent {name}: the episode ended after {done + steps} of {kept} samples")
     environment.close()
-    return [
-        Record(
-            **{name: values[player.rows] for name, values in series.items()},
-            azimuth=first["azimuth"][player.rows],
-            time_step=model.time_step,
-        )
-        for player in players
-    ]
+    records = list[Record]()
+    for place in np.argsort(order):
+        rows = slice(place * len(seeds), (place + 1) * len(seeds))
+        own = {name: values[rows] for name, values in series.items()}
+        records.append(Record(**own, azimuth=first["azimuth"][rows], time_step=model.time_step))
+    return records
 
 
 def _players(
@@ -183,23 +173,39 @@ def _players(
     samples: int,
     settings: dict[str, Any],
 ) -> list[_Player]:
-    """The agents at their turbines, one after the other, each with one turbine a seed."""
+    """Who acts at which turbines; linear controllers of one kind that follow each other act together."""
     ends = np.cumsum([0, *(QUANTITIES[name].size for name in observed)])
     places = {name: np.arange(ends[i], ends[i + 1]) for i, name in enumerate(observed)}
-    players = []
-    for index, agent in enumerate(agents):
-        preview = getattr(agent, "preview", 0)
-        players.append(
-            _Player(
-                agent,
-                slice(index * len(seeds), (index + 1) * len(seeds)),
-                np.concatenate([places[name] for name in agent.observe]),
-                coming_wind(model, seeds, samples + preview, **settings) if preview else None,
-            )
-        )
+    players, first = list[_Player](), 0
+    for kind, found in groupby(agents, same_kind):
+        for some in [list(found)] if kind else [[agent] for agent in found]:
+            rows = slice(first * len(seeds), (first + len(some)) * len(seeds))
+            columns = np.concatenate([places[name] for name in some[0].observe])
+            act = _alone(some[0], model, seeds, samples, settings) if kind is None else _in_step(some)
+            players.append(_Player(rows, columns, act))
+            first += len(some)
     return players
 
 
-def _name_of(players: Sequence[_Player], turbines: NDArray[np.bool_]) -> str:
-    """The first agent that one of these turbines is of."""
-    return next(player.agent.name for player in players if turbines[player.rows].any())
+def _in_step(agents: Sequence[Agent]) -> Callable[[NDArray[np.float32], int], NDArray[np.float32]]:
+    bank = LinearBank(agents)  # type: ignore[arg-type]
+    return lambda observation, done: bank.act(observation)
+
+
+def _alone(
+    agent: Agent, model: TurbineModel, seeds: Sequence[int], samples: int, settings: dict[str, Any]
+) -> Callable[[NDArray[np.float32], int], NDArray[np.float32]]:
+    """One agent's own `predict`; predictive ones may be given the wind before it comes, as a lidar would."""
+    preview = getattr(agent, "preview", 0)
+    coming = coming_wind(model, seeds, samples + preview, **settings) if preview else None
+    state: Array | None = None
+
+    def act(observation: NDArray[np.float32], done: int) -> NDArray[np.float32]:
+        nonlocal state
+        if coming is not None:
+            observation = np.hstack([observation, coming[:, done : done + preview]])
+        start = np.full(len(observation), done == 0)
+        action, state = agent.predict(observation, state, start)
+        return action
+
+    return act

@@ -16,23 +16,23 @@ from pathlib import Path
 
 import numpy as np
 
+from baselines.cache import Cache
+from baselines.duty import Duty, measure_duty
+from baselines.effects import Effects, measure_effects
+from baselines.models import VARIATIONS, built, paper_case, unscaled_flap
 from baselines.paper.aerodynamics_sections import figure_8, figure_12
-from baselines.paper.cache import Cache
 from baselines.paper.control_sections import LABELS, SETTLED, gust_alleviation, robustness
 from baselines.paper.controllers import VARIANTS, Controllers, Plants
-from baselines.paper.document import Section, Table, as_html, as_markdown, summary
-from baselines.paper.duty import Duty, measure_duty
-from baselines.paper.effects import Effects, effects_section, measure_effects
-from baselines.paper.models import VARIATIONS, built, paper_case, unscaled_flap
+from baselines.paper.effects_section import effects_section
 from baselines.paper.readings import reading, readings_section
-from baselines.paper.robustness import growths, margins, sensitivity
-from baselines.paper.scores import Trial, first, measured, metrics_of, named, rebuilt, score
 from baselines.paper.structure_sections import figure_9, table_1, table_2
 from baselines.paper.trials import AGENTS, SHARE, conditions, outcome, trials_section
 from baselines.paper.trials import REALISATIONS as TRIALS
-from baselines.paper.turbine_sections import figure_15, turbine_figures
+from baselines.paper.turbine_sections import figure_15, turbine_figures, turbine_responses
 from baselines.rivals import study as rivals
 from baselines.rivals.section import rivals_section
+from baselines.robustness import growths, margins, sensitivity
+from baselines.scores import Trial, first, measured, metrics_of, named, rebuilt, score
 from baselines.settings import load_tuning
 from baselines.shipped import loaded, shipped_weights
 from baselines.tune import CONFIG
@@ -49,6 +49,8 @@ from flapgym.evaluation.comparison import MOST_REALISATIONS, PAPER_LENGTH, PAPER
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import TurbineModel, load_model
 from reference.study import study_turbine
+from studies.document import Section, Table, summary
+from studies.render import as_html, as_markdown
 
 TITLE = "Load alleviation on the NREL 5 MW turbine: Section IV of the paper beside ours"
 REALISATIONS = 50
@@ -238,7 +240,8 @@ class Study:
 
     def turbine(self) -> Section:
         """Responses of the turbine."""
-        return turbine_figures(self.case, self.model, self.folder, self.cache, self.told)
+        found = turbine_responses(self.case, self.model, self.cache, self.told)
+        return turbine_figures(found, self.case, self.model, self.folder)
 
     def figure15(self) -> Section:
         """Time series."""

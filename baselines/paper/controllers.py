@@ -9,8 +9,8 @@ from functools import cache, cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from baselines.paper.cache import Cache
-from baselines.paper.scores import mark
+from baselines.cache import Cache
+from baselines.scores import mark
 from baselines.settings import Tuning
 from baselines.shipped import loaded, shipped_weights
 from baselines.tuning import Bench, LinearController, meet_the_stops

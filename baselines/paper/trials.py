@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.document import Section, Table
-from baselines.paper.models import VARIATIONS, built
-from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES
-from baselines.paper.scores import Trial, measured, metrics_of, named
+from baselines.cache import Cache
+from baselines.models import VARIATIONS, built
+from baselines.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES
+from baselines.scores import Trial, measured, metrics_of, named
 from baselines.tuning import LinearController
 from flapgym.control import Agent, OpenLoop, closed_loop
 from flapgym.control.closed_loop import with_effectiveness
@@ -21,6 +20,7 @@ from flapgym.control.margins import late_measurement
 from flapgym.evaluation import Estimate, Metrics, measure, paired_change
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.turbine import Case
+from studies.document import Section, Table
 
 AGENTS = ("pd", "lqg", "lqg_saturating", "lqg_multiblade_saturating", "ppo", "sac")
 REALISATIONS = 40

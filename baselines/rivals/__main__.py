@@ -11,8 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from baselines.paper.cache import Cache
-from baselines.paper.document import as_html, as_markdown
+from baselines.cache import Cache
 from baselines.rivals.section import rivals_section
 from baselines.rivals.study import Study
 from flapgym.core.atomic import write_together
@@ -22,6 +21,7 @@ from flapgym.evaluation import writable_folder
 from flapgym.evaluation.comparison import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import load_model
+from studies.render import as_html, as_markdown
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

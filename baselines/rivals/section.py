@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.paper.control_sections import margins_table
-from baselines.paper.document import Section, Table, percent
-from baselines.paper.scores import CHANGES
+from baselines.margins_table import margins_table
 from baselines.rivals.bound import HOLD
 from baselines.rivals.equal_load import EqualLoad
 from baselines.rivals.study import NOISES, Outcome, Study
+from baselines.scores import CHANGES
 from flapgym.core.arrays import Array
 from flapgym.evaluation import paired_change
+from studies.document import Section, Table, percent
 
 EQUAL = ("LQG", "PD", "PID", "LQG, acceleration weighed 1000 times, 10 % noise expected")
 

@@ -8,14 +8,14 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.duty import Duty, measure_duty
-from baselines.paper.effects import respond
-from baselines.paper.robustness import margins
-from baselines.paper.scores import Trial, batches, joined, mark, measured, named, rebuilt
+from baselines.cache import Cache
+from baselines.duty import Duty, measure_duty
+from baselines.effects import respond
 from baselines.rivals.bound import CONSTANTS, HOLD, Bound, best_flap, flap_response
 from baselines.rivals.contestants import PREVIEWS, SHIPPED, PlannedFlap, Rival, predictive, rivals
 from baselines.rivals.equal_load import CALM, as_array, at_equal_load, shipped_gains
+from baselines.robustness import margins
+from baselines.scores import Trial, batches, joined, mark, measured, named, rebuilt
 from baselines.shipped import loaded, shipped_weights
 from flapgym.control import Agent, OpenLoop, PredictiveController, closed_loop
 from flapgym.control.channels import MULTIBLADE

@@ -16,15 +16,13 @@ from typing import Literal
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.models import unscaled_flap
+from baselines.cache import Cache
+from baselines.models import unscaled_flap
 from baselines.paper.readings import FEW, Reading, reading
-from baselines.paper.scores import Trial
+from baselines.scores import Trial
 from baselines.settings import load_tuning
 from baselines.tune import CONFIG
 from benchmarks.page import fill, table
-from benchmarks.turbine.bode import FEW_MODES, decibel, first_peak, on_towers, tip, tower_marks
-from benchmarks.turbine.study import Study, reduce_rotor, with_modes
 from flapgym.aeroelastic.cache import cached_model
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.design import frozen_turbine
@@ -35,6 +33,8 @@ from flapgym.evaluation import SCORED_SEED, simulate, writable_folder
 from flapgym.evaluation.comparison import PAPER_LENGTH
 from flapgym.model import TurbineModel
 from flapgym.turbine import Case, load_case
+from studies.bode import FEW_MODES, decibel, first_peak, on_towers, tip, tower_marks
+from studies.parts import Study, reduce_rotor, with_modes
 
 PAPER = "nrel5mw-rated"
 AXES: dict[str, float | Literal["published"]] = {"25 % of the chord": 0.25, "as published": "published"}

@@ -6,17 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from baselines.cache import Cache
 from baselines.paper import __main__ as program
 from baselines.paper import scores, turbine_sections
-from baselines.paper.cache import Cache
 from baselines.paper.control_sections import gust_alleviation, more, robustness
 from baselines.paper.controllers import Plants, swaying_wind
-from baselines.paper.document import Section, Table, as_html, as_markdown, from_markdown, summary
 from baselines.paper.readings import Reading, readings_section
-from baselines.paper.robustness import CONDITIONS, MARGINS, margins, sensitivity
-from baselines.paper.scores import score
 from baselines.paper.structure_sections import table_2
 from baselines.paper.turbine_sections import _lag
+from baselines.robustness import CONDITIONS, MARGINS, margins, sensitivity
+from baselines.scores import score
 from flapgym.control import Weights, closed_loop, lqg_agent, stationary_rms
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.control.margins import late_measurement
@@ -25,6 +24,7 @@ from flapgym.evaluation import Estimate, Metrics
 from flapgym.model import load_model, save_model
 from flapgym.turbine import load_case
 from reference.study import STUDY_OUTPUTS
+from studies.document import Section, Table, as_html, as_markdown, from_markdown, summary
 from tests.scaled import small_case
 from tests.synthetic import synthetic_model
 

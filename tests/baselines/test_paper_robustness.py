@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baselines.paper.cache import Cache
-from baselines.paper.duty import Duty
-from baselines.paper.effects import Effects, effects_section, further_loads, respond
-from baselines.paper.models import VARIATIONS, unscaled_flap
-from baselines.paper.scores import Trial
+from baselines.cache import Cache
+from baselines.duty import Duty
+from baselines.effects import Effects, effects_section, further_loads, respond
+from baselines.models import VARIATIONS, unscaled_flap
 from baselines.paper.trials import Condition, Outcome, outcome, trials_section
+from baselines.scores import Trial
 from flapgym.control import Weights, lqg_agent
 from flapgym.control.growth import Growth
 from flapgym.evaluation import Estimate, root_mean_square, simulate

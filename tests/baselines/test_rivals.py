@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from baselines.paper.duty import measure_duty
+from baselines.duty import measure_duty
 from baselines.rivals import __main__ as program
 from baselines.rivals import bound as module
 from baselines.rivals import study as study_module

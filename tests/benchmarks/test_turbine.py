@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from benchmarks import conventions
-from benchmarks.turbine import bode
 from benchmarks.turbine.__main__ import main
 from benchmarks.turbine.accuracy import errors, reduced_against_full, signals
 from benchmarks.turbine.building import builds, newmark_gap, sway
 from benchmarks.turbine.campbell import modes_at
 from benchmarks.turbine.speed import Subject, assembled, seconds_per_step
-from benchmarks.turbine.study import Study, with_modes, with_tower
-from benchmarks.turbine.tips import TIPS, exact_rms, simulate_tips
 from flapgym.aeroelastic.build import build_model
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import periodic_model
 from flapgym.model import load_model
 from flapgym.turbine import load_case
 from flapgym.wind import von_karman_spectrum
+from studies import bode
+from studies.parts import Study, with_modes, with_tower
+from studies.tips import TIPS, exact_rms, simulate_tips
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.stats import bootstrap
 
-from baselines.paper.cache import Cache, fingerprint
+from baselines.cache import Cache, fingerprint
 from baselines.tuning import LinearController
 from flapgym.control import Agent, Policy, PredictiveController
 from flapgym.core.arrays import Array

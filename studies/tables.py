@@ -9,6 +9,7 @@ from studies.bode import (
     PARKED,
     TOWER_BANDS,
     Curves,
+    Mark,
     decibel,
     deviations,
     first_peak,
@@ -21,17 +22,14 @@ from studies.tips import CYCLES, Tips
 
 def towers_table(curves: Curves) -> Table:
     """Figure 10: largest change by band."""
-    rows = [
-        (
-            mark.name,
-            *(
-                f"{change:+.1f} at {at:.2f} Hz"
-                for change, at in zip(mark.change, mark.frequency, strict=True)
-            ),
-        )
-        for mark in tower_marks(curves)
-    ]
+    rows = [(mark.name, *mark_cells(mark)) for mark in tower_marks(curves)]
     return Table(("", *(_band(band) for band in TOWER_BANDS)), tuple(rows))
+
+
+def mark_cells(mark: Mark) -> list[str]:
+    """A mark's changes, band by band."""
+    pairs = zip(mark.change, mark.frequency, strict=True)
+    return [f"{change:+.1f} at {at:.2f} Hz" for change, at in pairs]
 
 
 def parked_peaks(curves: Curves) -> str:
@@ -50,12 +48,12 @@ def deviation_table(curves: Curves) -> Table:
                 f"{100.0 * share:.2g} ({level:.2g} dB)"
                 for share, level in zip(each.share, each.level, strict=True)
             ),
-            _peak(curves, each.name),
+            peak_cell(curves, each.name),
         )
         for each in deviations(curves)
     ]
     full = str(curves.names[0])
-    rows.append((full, *("" for _ in BANDS), _peak(curves, full)))
+    rows.append((full, *("" for _ in BANDS), peak_cell(curves, full)))
     return Table(("", *(_band(band) for band in BANDS), "first peak"), tuple(rows))
 
 
@@ -91,6 +89,7 @@ def _band(band: tuple[float, float]) -> str:
     return f"{band[0]:g} to {band[1]:g} Hz"
 
 
-def _peak(curves: Curves, name: str) -> str:
+def peak_cell(curves: Curves, name: str) -> str:
+    """Height and place of a response's first peak."""
     level, frequency = first_peak(curves, name)
     return f"{level:.1f} dB at {frequency:.3f} Hz"

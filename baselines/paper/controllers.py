@@ -119,6 +119,10 @@ class Plants:
 
         return self._kept("moving_root_blade", make)
 
+    def keep_all(self) -> None:
+        """Make all of them now."""
+        _ = self.clamped, self.frozen, self.moving_root
+
     def _kept(self, name: str, make: Callable[[], StateSpace]) -> StateSpace:
         late = self._case.discretisation.input_delay
         return self._cache.system(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,24 +61,31 @@ class Outcome:
     grows: Growth | None
 
 
-def conditions(model: TurbineModel, case: Case, tell: Callable[[str], None]) -> Iterator[Condition]:
-    """As designed, then one thing changed at a time."""
-    yield Condition("as designed", model)
+def conditions(
+    model: TurbineModel, case: Case, tell: Callable[[str], None]
+) -> dict[str, Callable[[], Condition]]:
+    """As designed, then one thing changed at a time, by label; turbines are built when called for."""
+    found: dict[str, Callable[[], Condition]] = {}
+
+    def add(label: str, turbine: Callable[[], TurbineModel], **settings: Any) -> None:
+        found[label] = lambda: Condition(label, turbine(), settings)
+
+    add("as designed", lambda: model)
     for label, change in VARIATIONS.items():
-        yield Condition(label, built(change(case), tell))
+        add(label, partial(lambda change: built(change(case), tell), change))
     for factor in EFFECTIVENESS:
         if factor != 1.0:
             weaker = replace(model, turbine=with_effectiveness(model.turbine, factor))
-            yield Condition(f"flap's effect x {factor:g}", weaker)
+            add(f"flap's effect x {factor:g}", partial(lambda weaker: weaker, weaker))
     for length in LENGTHS:
         if length != model.length_scale:
-            yield Condition(f"L = {length:g} m", model, {"length_scale": length})
+            add(f"L = {length:g} m", lambda: model, length_scale=length)
     for noise in NOISES:
-        yield Condition(f"noise {100 * noise:g} %", model, {"measurement_noise": noise * model.rbm_rms})
+        add(f"noise {100 * noise:g} %", lambda: model, measurement_noise=noise * model.rbm_rms)
     for delay in DELAYS[1:]:
-        yield Condition(
-            f"delay {delay} step{'s' * (delay > 1)}", model, {"sensor_delay": delay * model.time_step}
-        )
+        late = delay * model.time_step
+        add(f"delay {delay} step{'s' * (delay > 1)}", lambda: model, sensor_delay=late)
+    return found
 
 
 def outcome(

@@ -124,6 +124,10 @@ class Study:
         """Every rival's outcome, by name, open loop first."""
         return {each.agent.name: (each, self._outcome(each.agent)) for each in rivals(self.model)}
 
+    def outcome(self, name: str) -> Outcome:
+        """That of the rival whose agent has this name."""
+        return self._outcome(next(each.agent for each in rivals(self.model) if each.agent.name == name))
+
     def ideal(self) -> Ideal:
         """The bound on every realisation, by the collective flap against the mean moment of the blades."""
         response = flap_response(self.model, self.model.turbine)

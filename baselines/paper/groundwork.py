@@ -14,6 +14,7 @@ from baselines.models import VARIATIONS
 from baselines.paper.readings import FLAPS
 from baselines.paper.study import BESIDE, Study
 from baselines.rivals.contestants import rivals
+from baselines.scores import SIDE_BY_SIDE
 from flapgym.control import OpenLoop
 from flapgym.model.turbine_model import TurbineModel
 
@@ -51,15 +52,21 @@ def stages(study: Study, parts: Collection[str]) -> list[list[Job]]:
         *([Job("responses")] if "turbine" in wanted else []),
         *(Job(name) for name in FIGURES if name in wanted),
     ]
-    simulations = [
+    rest = [name for name in (*study.names, *beside, OpenLoop.name) if scored]
+    groups = [rest[first : first + SIDE_BY_SIDE] for first in range(0, len(rest), SIDE_BY_SIDE)]
+    designs = [
         *(Job("rival_number", (name,)) for name in RIVAL_NUMBERS if rival),
+        *(Job("agent", (name,)) for name in study.names if (scored or judged) and not quick),
         *(Job("rival", (name,)) for name in reversed(rival)),
         *(Job("reading", (flap, own)) for flap in FLAPS for own in (False, True) if "readings" in wanted),
-        *(Job("scored", (name,)) for name in (*study.names, *beside, OpenLoop.name) if scored),
         *(Job("outcomes", (label,)) for label in (study.conditions if "trials" in wanted else ())),
     ]
-    margins = [Job("judged", (name,)) for name in (study.linear if judged else ())]
-    return [stage for stage in (models, simulations, margins) if stage]
+    scores = [
+        *(Job("scored_together", tuple(group)) for group in groups),
+        *(Job("judged", (name,)) for name in (study.linear if judged else ())),
+        *([Job("settled_rate")] if "gust_alleviation" in wanted else []),
+    ]
+    return [stage for stage in (models, designs, scores) if stage]
 
 
 def worked(

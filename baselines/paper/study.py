@@ -18,13 +18,13 @@ from baselines.paper.controllers import VARIANTS, Controllers, Plants
 from baselines.paper.effects_section import effects_section
 from baselines.paper.readings import FLAPS, Reading, reading, readings_section
 from baselines.paper.structure_sections import figure_9, table_1, table_2
-from baselines.paper.trials import AGENTS, SHARE, Condition, Outcome, conditions, outcome, trials_section
+from baselines.paper.trials import AGENTS, SHARE, Condition, Outcome, conditions, outcomes, trials_section
 from baselines.paper.trials import REALISATIONS as TRIALS
 from baselines.paper.turbine_sections import Responses, figure_15, turbine_figures, turbine_responses
 from baselines.rivals.section import rivals_section
 from baselines.rivals.study import Study as Rivals
 from baselines.robustness import growths, margins, sensitivity
-from baselines.scores import Trial, first, measured, metrics_of, named, rebuilt, score
+from baselines.scores import Trial, first, measured, measured_together, metrics_of, named, rebuilt, score
 from baselines.settings import load_tuning
 from baselines.shipped import loaded, shipped_weights
 from baselines.tune import CONFIG
@@ -124,10 +124,10 @@ class Study:
             self.duration,
             self.controllers.tuning.realisations,
             shipped_weights("lqg", self.model).measurement_noise,
-            self._settled_rate(),
+            self.settled_rate(),
         )
 
-    def _settled_rate(self) -> float:
+    def settled_rate(self) -> float:
         """Largest rate of the base case's flap once an episode is settled [rad/s]."""
         first = round(SETTLED / self.model.time_step)
 
@@ -172,6 +172,11 @@ class Study:
 
     def scored(self, name: str) -> dict[str, Array]:
         """Metrics, side effects and duty of an agent, from one simulation."""
+        (found,) = self.scored_together(name)
+        return found
+
+    def scored_together(self, *names: str) -> list[dict[str, Array]]:
+        """The same of several agents."""
 
         def take(record: Record) -> dict[str, Array]:
             return named(
@@ -181,7 +186,8 @@ class Study:
             )
 
         trial = Trial("score", self.realisations, self.duration)
-        return measured(self.agent(name), self.model, trial, self.cache, self.told, take)
+        agents = [self.agent(name) for name in names]
+        return measured_together(agents, self.model, trial, self.cache, self.told, take)
 
     def rivals(self) -> Section:
         """PID, individual flaps, predictive control and the bound."""
@@ -219,10 +225,7 @@ class Study:
         self.told(label)
         condition = self.conditions[label]()
         agents = {name: load_agent(name, self.model) for name in AGENTS}
-        return {
-            name: outcome(agent, condition, self._trial, self.cache, self.told)
-            for name, agent in agents.items()
-        }
+        return outcomes(agents, condition, self._trial, self.cache, self.told)
 
     def robustness(self) -> Section:
         """Sensitivities and margins."""

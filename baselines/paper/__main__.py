@@ -27,6 +27,8 @@ from flapgym.model.turbine_model import TurbineModel, load_model
 from studies.document import Section, Table, summary
 from studies.render import as_html, as_markdown
 
+PROCESSES = 2
+"""Side by side, if no other number is given."""
 TITLE = "Load alleviation on the NREL 5 MW turbine: Section IV of the paper beside ours"
 ANGLES = {"pitch": "deg", "angle_limit": "deg", "rate_limit": "deg/s", "acceleration_limit": "deg/s^2"}
 
@@ -125,7 +127,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--processes",
         type=whole(1, 64),
-        default=2,
+        default=PROCESSES,
         help="that work side by side, each with up to 2 GB (default: %(default)s)",
     )
     parser.add_argument("--quick", action="store_true", help="a trial run of a minute: paper-trial.*")

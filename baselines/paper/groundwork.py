@@ -78,7 +78,7 @@ def worked(
     """
     # Started anew, not forked: a fork would copy the locks of numerical libraries in whatever state they are.
     spawn = multiprocessing.get_context("spawn")
-    with spawn.Pool(processes, _begin, (model, folder, realisations, quick)) as pool:
+    with spawn.Pool(min(processes, len(jobs)), _begin, (model, folder, realisations, quick)) as pool:
         yield from pool.imap_unordered(_do, jobs)
 
 

@@ -7,9 +7,10 @@ import pytest
 
 from baselines.cache import Cache
 from baselines.duty import Duty
-from baselines.effects import Effects, effects_section, further_loads, respond
+from baselines.effects import Effects, further_loads, respond
 from baselines.models import VARIATIONS, unscaled_flap
-from baselines.paper.trials import Condition, Outcome, outcome, trials_section
+from baselines.paper.effects_section import effects_section
+from baselines.paper.trials import Condition, Outcome, outcomes, trials_section
 from baselines.scores import Trial
 from flapgym.control import Weights, lqg_agent
 from flapgym.control.growth import Growth
@@ -67,7 +68,7 @@ def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
     agent = lqg_agent("lqg", MODEL, Weights(30.0))
     trial, cache = Trial("trial", 2, 6.0), Cache(tmp_path, "a")
     found = {
-        condition.label: {"lqg": outcome(agent, condition, trial, cache, lambda name: None)}
+        condition.label: outcomes({"lqg": agent}, condition, trial, cache, lambda name: None)
         for condition in (
             Condition("as designed", MODEL),
             Condition("noise", MODEL, {"measurement_noise": 0.5 * MODEL.rbm_rms}),

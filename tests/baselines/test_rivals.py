@@ -203,7 +203,7 @@ def test_a_finished_batch_is_not_computed_again(tmp_path, monkeypatch, capsys):
         raise AssertionError("simulated again")
 
     monkeypatch.setattr(study_module, "simulate", never)
-    monkeypatch.setattr("baselines.paper.scores.simulate", never)
+    monkeypatch.setattr("baselines.scores.simulate_together", never)
     assert program.main(arguments) == 0
     assert (tmp_path / "rivals.md").read_text() == first
 

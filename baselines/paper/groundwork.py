@@ -45,11 +45,11 @@ def stages(study: Study, parts: Collection[str]) -> list[list[Job]]:
     varied = VARIATIONS if "trials" in wanted or (judged and not quick) else ()
     rival = [each.agent.name for each in rivals(study.model)] if "rivals" in wanted else []
     models = [
+        *([Job("responses")] if "turbine" in wanted else []),
         *([Job("design_models")] if (scored or judged) and not quick else []),
         *([Job("further_loads")] if scored else []),
         *([Job("unscaled")] if "readings" in wanted else []),
         *(Job("variation", (label,)) for label in varied),
-        *([Job("responses")] if "turbine" in wanted else []),
         *(Job(name) for name in FIGURES if name in wanted),
     ]
     rest = [name for name in (*study.names, *beside, OpenLoop.name) if scored]
@@ -78,8 +78,15 @@ def worked(
     """
     # Started anew, not forked: a fork would copy the locks of numerical libraries in whatever state they are.
     spawn = multiprocessing.get_context("spawn")
-    with spawn.Pool(min(processes, len(jobs)), _begin, (model, folder, realisations, quick)) as pool:
+    pool = spawn.Pool(min(processes, len(jobs)), _begin, (model, folder, realisations, quick))
+    try:
         yield from pool.imap_unordered(_do, jobs)
+        pool.close()
+    except BaseException:
+        pool.terminate()
+        raise
+    finally:
+        pool.join()
 
 
 _study: Study | None = None

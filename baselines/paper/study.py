@@ -191,7 +191,7 @@ class Study:
 
     def rivals(self) -> Section:
         """PID, individual flaps, predictive control and the bound."""
-        return rivals_section(self.rival_study)
+        return rivals_section(self.rival_study.findings())
 
     def rival_number(self, name: str) -> object:
         """One of the rivals' figures, by the method that finds it."""

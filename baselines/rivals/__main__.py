@@ -44,7 +44,7 @@ def _door(options: argparse.Namespace) -> Work:
 
             study = Study(model, options.realisations, duration, Cache(folder / "parts", model.hash), tell)
             bar.total = study.rounds
-            sections = [rivals_section(study)]
+            sections = [rivals_section(study.findings())]
         title = f"Rivals of the LQG on model {model.name} ({nameplate(model.case).size})"
         write_together(
             {

@@ -82,6 +82,24 @@ class Ideal:
 
 
 @dataclass(frozen=True, eq=False)
+class Findings:
+    """All that the report tells; the methods of `Study` of these names say what each holds."""
+
+    realisations: int
+    duration: float
+    time_step: float
+    few: int
+    all_outcomes: dict[str, tuple[Rival, Outcome]]
+    ideal: Ideal
+    single_blade: dict[str, Array]
+    solve_times: Array
+    horizons: dict[str, float]
+    margins: dict[str, Array]
+    steady_shares: dict[str, float]
+    equal_load: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Study:
     """What is compared on what.
 
@@ -119,6 +137,23 @@ class Study:
         some = len(batches(self.few.realisations, self.duration)) * (len(HORIZONS) + 1)
         tried = len(margins_of(self.model))
         return len(batches(self.realisations, self.duration)) * runs + self.few.realisations + some + tried
+
+    def findings(self) -> Findings:
+        """Everything; what is in the cache is not computed again."""
+        return Findings(
+            self.realisations,
+            self.duration,
+            self.model.time_step,
+            self.few.realisations,
+            self.all_outcomes(),
+            self.ideal(),
+            self.single_blade(),
+            self.solve_times(),
+            self.horizons(),
+            self.margins(),
+            self.steady_shares(),
+            self.equal_load(),
+        )
 
     def all_outcomes(self) -> dict[str, tuple[Rival, Outcome]]:
         """Every rival's outcome, by name, open loop first."""

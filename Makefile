@@ -18,7 +18,7 @@ help:  ## list the targets
 compare: .venv/with-baselines  ## score every shipped agent: table, results/compare.{json,csv,md} and figure
 	$(BIN)/flapgym compare $(ARGS)
 
-paper: .venv/with-baselines  ## the paper's Section IV beside ours: results/paper.{md,html} (ARGS: parts, --quick)
+paper: .venv/with-baselines  ## the paper's Section IV beside ours: results/paper.{md,html} (ARGS: parts, --quick, --processes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m baselines.paper $(ARGS)
 
 validate: .venv/with-baselines  ## the model beside OpenFAST: table, results/validation.{json,md,png} (ARGS: --model, --docs)

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from baselines.settings import load_tuning
 from baselines.tuning import (
@@ -23,8 +22,9 @@ from baselines.tuning import (
 )
 from flapgym.control import save_agent
 from flapgym.core.program import Parser, Work, run
+from flapgym.core.progress import ProgressBar
 from flapgym.evaluation import writable_folder
-from flapgym.evaluation.compare import PAPER_LENGTH
+from flapgym.evaluation.comparison import PAPER_LENGTH
 from flapgym.model.turbine_model import DEFAULT_MODEL, load_model
 
 CONFIG = Path(__file__).parents[1] / "configs" / "tuning.toml"
@@ -70,7 +70,7 @@ def _door(options: argparse.Namespace) -> Work:
 
     def work() -> int:
         # How many designs a rule tries is not known beforehand: the bar counts them.
-        with tqdm(unit=" designs", bar_format="{desc:<16} {n_fmt}{unit} tried, {elapsed}") as bar:
+        with ProgressBar(unit=" designs", bar_format="{desc:<16} {n_fmt}{unit} tried, {elapsed}") as bar:
 
             def advanced(name: str) -> None:
                 bar.set_description_str(name, refresh=False)
@@ -84,7 +84,7 @@ def _door(options: argparse.Namespace) -> Work:
                 except ValueError as error:
                     raise ValueError(f"{name}: {error}") from None
                 save_agent(folder / f"{name}.json", tuned.agent, model, description, tuned.design)
-                tqdm.write(report(name, tuned))
+                ProgressBar.write(report(name, tuned))
         return 0
 
     return work

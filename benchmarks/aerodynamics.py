@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +18,9 @@ from numpy.typing import NDArray
 from flapgym.aerodynamics import (
     Aerodynamics,
     build_aerodynamics,
-    collective_response,
     convected_gust_downwash,
     gust_downwash,
     mean_loads,
-    rigid_rotor,
     root_moment_load,
     transfer_function,
 )
@@ -31,11 +28,13 @@ from flapgym.aerodynamics.downwash import flap_downwash
 from flapgym.aerodynamics.lattice import build_lattice
 from flapgym.aerodynamics.model import assemble
 from flapgym.aerodynamics.rotor import blade_edges, rotor_inflow, strip_radius, wake_rows
-from flapgym.core.arrays import Array
-from flapgym.core.atomic import write_picture
 from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
 from flapgym.turbine import Case, load_case
+from studies.document import Table
+from studies.figures import draw_gust_loads
+from studies.gust import gust_loads, steady_gains, variant
+from studies.render import markdown_table
 
 FREQUENCIES = np.array([0.0, 0.2, 1.0, 3.0, 5.0])
 DEGREE = np.pi / 180.0
@@ -44,15 +43,7 @@ PUBLISHED_TIP_SPEED_RATIO = 12.1 * np.pi / 30.0 * 63.0 / 12.0  # 12 m/s, 12.1 rp
 
 def table(title: str, head: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
     """Print a Markdown table."""
-    head = list(head)
-    print(f"\n{title}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}")
-    for row in rows:
-        print(f"| {' | '.join(row)} |")
-
-
-def variant(case: Case, **grid: Any) -> Case:
-    """The case with another discretisation."""
-    return replace(case, discretisation=replace(case.discretisation, **grid))
+    print(f"\n{title}\n\n{markdown_table(Table(tuple(head), tuple(map(tuple, rows))))}")
 
 
 def lattice_with(case: Case, strips: int, chordwise: int, time_step: float) -> Aerodynamics:
@@ -64,12 +55,6 @@ def lattice_with(case: Case, strips: int, chordwise: int, time_step: float) -> A
     density = case.operating_point.air_density
     rows = wake_rows(case)
     return assemble(lattice, inflow, time_step=time_step, wake_rows=rows, air_density=density, blades=3)
-
-
-def steady_gains(case: Case, blades: int = 3) -> Array:
-    """Steady root moment [N m] per m/s of gust and per radian of all flaps, (2,), of the rotor or a blade alone."""
-    rotor = rigid_rotor(case, blades)
-    return rotor.steady(root_moment_load(rotor.aero, case))[0]
 
 
 def responses(case: Case, aero: Aerodynamics) -> NDArray[np.complex128]:
@@ -169,35 +154,6 @@ def gust_table(case: Case) -> None:
     )
 
 
-def figure8(case: Case, path: Path) -> None:
-    """Flapwise load after an impulsive gust, over the single blade's steady load."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(10, 3.6), sharey=True, layout="constrained")
-    for axis, (length, induction) in zip(axes, [(0.25, 0.0), (1.0, 0.3)], strict=True):
-        other = variant(case, wake_length=length, induction=induction)
-        turn = 2.0 * np.pi / case.rotor_speed / case.discretisation.time_step
-        steady = None
-        for blades, name in ((1, "single blade"), (3, "full rotor")):
-            aero = build_aerodynamics(other, blades=blades)
-            gust = gust_downwash(aero).sum(axis=1, keepdims=True)
-            steps = round(3.2 * turn)
-            moment = collective_response(aero, np.ones((steps, 1)), gust, root_moment_load(aero, other))[:, 0]
-            steady = moment[-1] if steady is None else steady
-            axis.plot(np.arange(2, steps) / turn, moment[2:] / steady, label=name)
-        for third in range(1, 10):
-            axis.axvline(third / 3.0, color="0.8", linestyle=":", zorder=0)
-        axis.set(xlabel="turns", title=f"wake of {length:g} diameters, induction {induction:g}")
-        axis.set(xlim=(0.0, 3.2), ylim=(0.82, 1.1))
-    axes[0].set_ylabel("flapwise root moment over the single blade's")
-    axes[0].legend()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_picture(path, figure)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit code."""
     return run(_parser(), arguments)
@@ -220,7 +176,7 @@ def _door(options: argparse.Namespace) -> Work:
         discretisation_tables(case)
         wake_table(case)
         gust_table(case)
-        figure8(case, folder / "figure8.png")
+        draw_gust_loads(gust_loads(case), folder / "figure8.png")
         return 0
 
     return work

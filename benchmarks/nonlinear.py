@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
@@ -26,8 +25,9 @@ from flapgym.control.agent import OBSERVATION_SCALES
 from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
 from flapgym.core.program import Parser, Work, real, run, whole
+from flapgym.core.progress import ProgressBar
 from flapgym.evaluation import writable_folder
-from flapgym.evaluation.compare import LONGEST
+from flapgym.evaluation.comparison import LONGEST
 from flapgym.evaluation.metrics import damage_equivalent_load, root_mean_square
 from flapgym.model import TurbineModel, load_model
 from flapgym.model.multiblade import to_blades, to_components
@@ -141,7 +141,7 @@ def beams_under(wind: Array, agent: Agent, model: TurbineModel, path: Path) -> A
         march.restore(kept)
         loop.series, loop.angle, loop.rate = (kept[name] for name in ("series", "angle", "rate"))
         loop.state = kept["agent"] if kept["agent"].size else None
-    with tqdm(total=len(wind), initial=len(loop.series), desc=path.stem, mininterval=2.0) as bar:
+    with ProgressBar(total=len(wind), initial=len(loop.series), desc=path.stem, mininterval=2.0) as bar:
         while (done := len(loop.series)) < len(wind):
             loop.run(wind[done : done + PART])
             held = np.empty(0) if loop.state is None else loop.state

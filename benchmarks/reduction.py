@@ -18,23 +18,18 @@ from flapgym.aerodynamics import Aerodynamics, transfer_function
 from flapgym.aeroelastic.blade_lattice import BladeLattice, blade_lattice, reduce_component
 from flapgym.aeroelastic.equations import root_moment
 from flapgym.aeroelastic.trim import trim
-from flapgym.core.atomic import write_picture
 from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
 from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import LinearBlade
 from flapgym.turbine import Case, load_case
 from flapgym.wind import von_karman_spectrum
+from studies.figures import draw_hankel_values
+from studies.hankel import TOTALS, reduced_states, rotor_values
 
 FREQUENCY = np.linspace(0.01, 10.0, 600)  # Hz
 BAND = FREQUENCY < 3.0  # where the lattice is independent of its discretisation
-TOTALS = (20, 50, 150)  # the paper's Figure 14; a third to each cyclic component
 FIRST_MODES = 6
-
-
-def reduced_states(total: int) -> int:
-    """States of each cyclic component: the whirl component stands for two of three."""
-    return round(total / 3)
 
 
 def errors(
@@ -73,23 +68,6 @@ def errors(
     return rows, values
 
 
-def figure12(values: NDArray[np.float64], path: Path) -> None:
-    """Draw the rotor's Hankel singular values, largest first, over the largest."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    import matplotlib.pyplot as plt
-
-    figure, axis = plt.subplots(figsize=(6, 3.6), layout="constrained")
-    axis.semilogy(np.arange(1, len(values) + 1), values / values[0])
-    axis.axvline(150, color="0.6", linestyle=":")
-    axis.set(
-        xlabel="states", ylabel="Hankel singular value over the largest", xlim=(0, 200), ylim=(1e-6, 1.5)
-    )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_picture(path, figure)
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit code."""
     return run(_parser(), arguments)
@@ -112,8 +90,8 @@ def _door(options: argparse.Namespace) -> Work:
             print(f"\n{name}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}")
             print("\n".join(f"| {' | '.join(row)} |" for row in rows))
         collective, whirl = values
-        combined = np.sort(np.concatenate([collective, whirl, whirl]))[::-1]
-        figure12(combined, folder / "figure12.png")
+        combined = rotor_values(collective, whirl)
+        draw_hankel_values(combined, folder / "figure12.png")
         for states in TOTALS:
             print(
                 f"Hankel singular value number {states} over the first: {combined[states - 1] / combined[0]:.2g}"

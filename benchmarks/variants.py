@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from flapgym.control import AGENT_NAMES, OpenLoop, load_agent
 from flapgym.core.atomic import check_target, write_atomically
 from flapgym.core.program import Parser, Work, run, whole
+from flapgym.core.progress import ProgressBar
 from flapgym.envs.registration import ENVIRONMENTS, Registered
-from flapgym.evaluation.compare import MOST_REALISATIONS, SCORED_SEED
+from flapgym.evaluation.comparison import MOST_REALISATIONS, SCORED_SEED
 from flapgym.evaluation.metrics import measure
 from flapgym.evaluation.simulate import simulate
 from flapgym.model import DEFAULT_MODEL, load_model
@@ -67,7 +67,7 @@ def _door(options: argparse.Namespace) -> Work:
     def work() -> int:
         turbines = [entry for entry in ENVIRONMENTS if entry.single.endswith(":FlapEnv")]
         found = {}
-        for entry in tqdm(turbines, file=sys.stderr):
+        for entry in ProgressBar(turbines):
             # A gust comes the same every time: only the azimuth differs.
             seconds = GUST if "gust" in entry.keywords else TURBULENT
             found[entry.id] = {

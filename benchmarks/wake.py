@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.aerodynamics import table, variant
+from benchmarks.aerodynamics import table
 from flapgym.aerodynamics import (
     Aerodynamics,
     WakeState,
@@ -36,6 +36,7 @@ from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_picture
 from flapgym.core.units import DEGREE
 from flapgym.turbine import Airfoil, Case, load_case
+from studies.gust import variant
 
 # Root moment per m/s of wind from 11 to 12 m/s, rigid rotor, by a free vortex wake behind lifting lines with the
 # aerofoils' polars (OpenFAST 5.0.0, OLAF, run for this project): after 0.2 s, at its peak, in the end [MN m].

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
@@ -24,10 +23,11 @@ from flapgym.control import AGENT_NAMES
 from flapgym.core import program
 from flapgym.core.atomic import check_target
 from flapgym.core.program import Work, real, whole
+from flapgym.core.progress import ProgressBar
 from flapgym.core.state_space import StateSpace
 from flapgym.core.wording import number
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
-from flapgym.evaluation.compare import LARGEST_SEED, LONGEST, MOST_REALISATIONS
+from flapgym.evaluation.comparison import LARGEST_SEED, LONGEST, MOST_REALISATIONS
 from flapgym.evaluation.report import FILES
 from flapgym.model import DEFAULT_MODEL, TurbineModel, load_model, save_model
 from flapgym.model.nameplate import nameplate
@@ -178,7 +178,7 @@ def _build(options: argparse.Namespace) -> Work:
             names = ", ".join(f"blades.{name}" for name in case.blades.unequal)
             print(f"{names}: blades differ, the model takes its periodic form", file=sys.stderr)
         stages, begun = COMPLETE_STAGES, list[str]()
-        with tqdm(total=len(stages), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
+        with ProgressBar(total=len(stages), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
 
             def begin(stage: str) -> None:
                 begun.append(stage)

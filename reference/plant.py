@@ -13,7 +13,7 @@ import numpy as np
 from flapgym.core.arrays import BLADES, Array
 from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant.layout import TOUCH
+from flapgym.plant.actuator import TOUCH
 
 
 @dataclass(frozen=True, eq=False)

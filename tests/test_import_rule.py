@@ -25,6 +25,12 @@ ORDER = [
     "evaluation",
     "cli",
 ]
+PROGRAMS = ["reference", "studies", "baselines", "benchmarks", "train"]
+"""Beside the package, in their order: a program may import those before it, none after it, and none imports train."""
+KNOWN_CIRCLES: set[frozenset[str]] = {
+    # One of the two only for a type.
+    frozenset({"flapgym.model.check", "flapgym.model.turbine_model"}),
+}
 
 
 def imported_modules(path):
@@ -38,6 +44,50 @@ def imported_modules(path):
             module = ".".join([*prefix, *([node.module] if node.module else [])])
             yield module
             yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def all_modules():
+    """Files of the package and the programs by dotted name; a package by its `__init__`."""
+    found = {}
+    for folder in ("flapgym", *PROGRAMS):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def import_graph(group):
+    """What each group of modules imports of the others; `group` tells a module's, None for none."""
+    modules, graph = all_modules(), {}
+    for name, path in modules.items():
+        imports = graph.setdefault(group(name, path), set())
+        known = modules.keys() & set(imported_modules(path))
+        for module in known:
+            # `from package import module` takes the module, and nothing of the package's own.
+            if not any(other.startswith(f"{module}.") for other in known):
+                imports.add(group(module, modules[module]))
+    graph.pop(None, None)
+    return {node: others - {node, None} for node, others in graph.items()}
+
+
+def circles(graph):
+    """Sets of nodes that import each other, also by way of others."""
+
+    def reached(start):
+        seen, ahead = set(), [start]
+        while ahead:
+            for node in graph.get(ahead.pop(), ()):
+                if node not in seen:
+                    seen.add(node)
+                    ahead.append(node)
+        return seen
+
+    reach = {node: reached(node) for node in graph}
+    return {
+        frozenset({node, *(other for other in reach[node] if node in reach.get(other, ()))})
+        for node in graph
+        if node in reach[node]
+    }
 
 
 def files_importing(*libraries):
@@ -72,7 +122,37 @@ def test_modules_import_only_what_stands_above_them():
     assert not offences
 
 
-@pytest.mark.parametrize("program", ["baselines", "train", "benchmarks", "reference", "tests"])
+def test_circles_are_found_also_by_way_of_others():
+    graph = {"a": {"b"}, "b": {"c"}, "c": {"a", "d"}, "d": {"d2"}, "d2": set()}
+    assert circles(graph) == {frozenset("abc")}
+
+
+def test_no_modules_import_each_other():
+    assert circles(import_graph(lambda name, path: name)) <= KNOWN_CIRCLES
+
+
+def test_no_folders_import_each_other():
+    """Files right in `flapgym` stand for the whole and belong to no folder."""
+
+    def folder(name, path):
+        parent = path.relative_to(ROOT).parent.as_posix()
+        return None if parent == "flapgym" else parent
+
+    assert circles(import_graph(folder)) == set()
+
+
+def test_programs_import_only_those_before_them():
+    def top(name, path):
+        return name.split(".")[0]
+
+    graph = import_graph(top)
+    for program in PROGRAMS:
+        before = PROGRAMS[: PROGRAMS.index(program)] if program != "train" else []
+        assert graph[program] <= {"flapgym", *before}, program
+    assert not any("train" in others for others in graph.values())
+
+
+@pytest.mark.parametrize("program", [*PROGRAMS, "tests"])
 def test_the_package_does_not_import_the_programs_on_top_of_it(program):
     assert not {name for name in files_importing(program) if name.startswith("flapgym/")}
 

@@ -11,10 +11,10 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor
-from tqdm import tqdm
 
 from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.control.policy import Policy
+from flapgym.core.progress import ProgressBar
 from flapgym.envs import FlapVectorEnv
 from flapgym.model.turbine_model import TurbineModel
 from train.export import exported
@@ -105,7 +105,7 @@ class Progress(BaseCallback):
         self._bar: Any = None
 
     def _on_training_start(self) -> None:
-        self._bar = tqdm(
+        self._bar = ProgressBar(
             total=self._training.total_timesteps, desc=self._training.name, unit="step", unit_scale=True
         )
 

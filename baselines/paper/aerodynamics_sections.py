@@ -6,20 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.document import Section, Table
-from baselines.paper.drawing import drawn, kept
-from benchmarks.aerodynamics import figure8, steady_gains, variant
-from benchmarks.reduction import TOTALS, figure12
-from flapgym.aeroelastic.blade_lattice import reduce_component
-from flapgym.aeroelastic.build import assemble_parts
-from flapgym.core.arrays import Array
+from baselines.cache import Cache
 from flapgym.turbine import Case
+from studies.document import Section, Table
+from studies.figures import draw_gust_loads, draw_hankel_values
+from studies.gust import WAKES, GustLoads, gust_loads
+from studies.hankel import TOTALS, hankel_values
+from studies.parts import Study
 
 PAPER_LOSS = -15.0
 """Figure 8: the full rotor's steady load against a single blade's [%]."""
-WAKES = ((0.25, 0.0), (1.0, 0.3))
-"""Lengths [rotor diameters] and inductions of the two readings of the wake."""
 PAPER_STATES = 150
 """Figure 12: where the paper truncates, three orders of magnitude down."""
 PAPER_VALUE = 1e-3
@@ -27,16 +23,8 @@ PAPER_VALUE = 1e-3
 
 def figure_8(case: Case, folder: Path, cache: Cache) -> Section:
     """Impulsive gust on the full rotor against one blade."""
-
-    def make() -> dict[str, Array]:
-        loss = []
-        for length, induction in WAKES:
-            other = variant(case, wake_length=length, induction=induction)
-            rotor, alone = (steady_gains(other, blades)[0] for blades in (3, 1))
-            loss.append(100.0 * (rotor / alone - 1.0))
-        return {"loss": np.array(loss), "drawing": drawn(lambda path: figure8(case, path))}
-
-    found = cache.arrays("figure8", {"case": case.hash()}, make)
+    found = cache.data(GustLoads, "figure8", {"case": case.hash()}, lambda: gust_loads(case))
+    draw_gust_loads(found, picture := folder / "figure8.svg")
     rows = tuple(
         (
             f"{length:g} diameters, induction {induction:g}",
@@ -44,16 +32,16 @@ def figure_8(case: Case, folder: Path, cache: Cache) -> Section:
             f"{PAPER_LOSS:+.0f}",
             f"{loss - PAPER_LOSS:+.1f}",
         )
-        for (length, induction), loss in zip(WAKES, found["loss"], strict=True)
+        for (length, induction), loss in zip(WAKES, found.loss, strict=True)
     )
-    short, long = found["loss"]
+    short, long = found.loss
     turns = WAKES[0][0] * 2.0 * case.turbine.rotor.radius / case.operating_point.wind_speed * case.rotor_speed
     return Section(
         "Figure 8: load after an impulsive gust, full rotor against a single blade",
         (
             "Rigid, undeflected blades; flapwise root moment; dotted lines at thirds of a turn, where blades meet shed "
             "wake.",
-            kept(folder / "figure8.svg", found["drawing"]),
+            picture,
             Table(("wake", "steady load, full over single [%]", "paper [%]", "difference [points]"), rows),
         ),
         f"steady loss {short:+.1f} % with the wake length stated, {long:+.1f} % with a longer and slower one; the "
@@ -69,18 +57,9 @@ def figure_8(case: Case, folder: Path, cache: Cache) -> Section:
 
 def figure_12(case: Case, folder: Path, cache: Cache) -> Section:
     """Hankel singular values of the rotor's aerodynamics."""
-
-    def make() -> dict[str, Array]:
-        parts, rotor = assemble_parts(case)
-        order = case.reduction.aerodynamic_states
-        collective, whirl = (
-            reduce_component(rotor, parts.lattice, m, order).hankel_singular_values for m in (0, 1)
-        )
-        values = np.sort(np.concatenate([collective, whirl, whirl]))[::-1]
-        return {"values": values, "drawing": drawn(lambda path: figure12(values, path))}
-
-    found = cache.arrays("figure12", {"case": case.hash()}, make)
+    found = cache.arrays("figure12", {"case": case.hash()}, lambda: {"values": hankel_values(Study(case))})
     values = found["values"] / found["values"][0]
+    draw_hankel_values(values, picture := folder / "figure12.svg")
     rows = tuple(
         (
             str(states),
@@ -95,7 +74,7 @@ def figure_12(case: Case, folder: Path, cache: Cache) -> Section:
         (
             "Collective and whirl components together, over the largest. Reading: inputs scaled to unit rms downwash, "
             "outputs to their size at 0.2 Hz; the decay depends on that scaling, which the paper does not give.",
-            kept(folder / "figure12.svg", found["drawing"]),
+            picture,
             Table(("state", "value over the largest", "paper", "difference [orders of magnitude]"), rows),
         ),
         f"{-np.log10(values[PAPER_STATES - 1]):.1f} orders of magnitude down at state {PAPER_STATES}; the paper: three",

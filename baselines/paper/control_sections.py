@@ -6,16 +6,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from baselines.margins_table import margins_table
+from baselines.models import was_judged
 from baselines.paper.controllers import VARIANTS
-from baselines.paper.document import Section, Table, percent
-from baselines.paper.models import was_judged
-from baselines.paper.robustness import CONDITIONS, LONGEST, MARGINS, PERIODIC_CONDITIONS
-from baselines.paper.scores import CHANGES, Score
+from baselines.robustness import CONDITIONS, LONGEST, PERIODIC_CONDITIONS
+from baselines.scores import CHANGES, Score
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
 from flapgym.core.arrays import Array
 from flapgym.evaluation import Estimate
-from flapgym.evaluation.compare import PAPER_REALISATIONS
+from flapgym.evaluation.comparison import PAPER_REALISATIONS
 from flapgym.model.turbine_model import TurbineModel
+from studies.document import Section, Table, percent
 
 STOP, RATE = np.deg2rad(10.0), np.deg2rad(100.0)
 """Of the paper's flap [rad, rad/s]."""
@@ -264,23 +265,11 @@ def robustness(
     )
 
 
-def margins_table(found: Mapping[str, Array]) -> Table:
-    """Margins by label of the controller."""
-    rows = ((label, *(_margin(value) for value in values)) for label, values in found.items())
-    return Table(("controller", *MARGINS), tuple(rows))
-
-
 def _changed(values: Array) -> str:
     moment, tip, flap, frequency, doubling = values
     if np.isnan(moment):
         return f"grows: {frequency:.1f} Hz, doubles in {doubling:.0f} s"
     return f"{100 * moment:+.1f} / {100 * tip:+.1f} / {np.rad2deg(flap):.2f}"
-
-
-def _margin(value: float) -> str:
-    if np.isnan(value):
-        return ""
-    return "none" if np.isinf(value) else f"{value:.3g}"
 
 
 def _growing(changes: Mapping[str, Array], others: Sequence[str]) -> list[str]:

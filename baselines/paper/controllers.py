@@ -9,8 +9,8 @@ from functools import cache, cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from baselines.paper.cache import Cache
-from baselines.paper.scores import mark
+from baselines.cache import Cache
+from baselines.scores import mark
 from baselines.settings import Tuning
 from baselines.shipped import loaded, shipped_weights
 from baselines.tuning import Bench, LinearController, meet_the_stops
@@ -118,6 +118,10 @@ class Plants:
             return moving_root_blade(self._parts, self._reduced(lattice, 0))
 
         return self._kept("moving_root_blade", make)
+
+    def keep_all(self) -> None:
+        """Make all of them now."""
+        _ = self.clamped, self.frozen, self.moving_root
 
     def _kept(self, name: str, make: Callable[[], StateSpace]) -> StateSpace:
         late = self._case.discretisation.input_delay

@@ -7,15 +7,15 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.document import Section, Table, percent
-from baselines.paper.scores import Trial, measured, metrics_of, named
+from baselines.cache import Cache
+from baselines.scores import Trial, measured, metrics_of, named
 from baselines.settings import Tuning
 from baselines.shipped import shipped_weights
 from baselines.tuning import Bench, LinearController, meet_the_stops
 from flapgym.control import OpenLoop, lqg_agent, stability
 from flapgym.evaluation import SCORED_SEED, Estimate, measure, paired_change
 from flapgym.model.turbine_model import TurbineModel
+from studies.document import Section, Table, percent
 
 FEW = 5
 """Realisations of the paper."""

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.document import Section, Table
+from baselines.cache import Cache
 from baselines.paper.drawing import drawn, kept
 from flapgym.core.arrays import Array
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import SECOND_DRIVETRAIN, modes_table, named_modes
 from flapgym.turbine import Case, Turbine
+from studies.document import Section, Table
 
 COLUMNS = {
     "twist": ("StrTwst [deg]", np.rad2deg(1.0)),

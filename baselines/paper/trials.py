@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.document import Section, Table
-from baselines.paper.models import VARIATIONS, built
-from baselines.paper.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES
-from baselines.paper.scores import Trial, measured, metrics_of, named
+from baselines.cache import Cache
+from baselines.models import VARIATIONS, built
+from baselines.robustness import DELAYS, EFFECTIVENESS, LENGTHS, NOISES
+from baselines.scores import Trial, measured_together, metrics_of, named
 from baselines.tuning import LinearController
 from flapgym.control import Agent, OpenLoop, closed_loop
 from flapgym.control.closed_loop import with_effectiveness
@@ -21,6 +21,7 @@ from flapgym.control.margins import late_measurement
 from flapgym.evaluation import Estimate, Metrics, measure, paired_change
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.turbine import Case
+from studies.document import Section, Table
 
 AGENTS = ("pd", "lqg", "lqg_saturating", "lqg_multiblade_saturating", "ppo", "sac")
 REALISATIONS = 40
@@ -60,56 +61,67 @@ class Outcome:
     grows: Growth | None
 
 
-def conditions(model: TurbineModel, case: Case, tell: Callable[[str], None]) -> Iterator[Condition]:
-    """As designed, then one thing changed at a time."""
-    yield Condition("as designed", model)
+def conditions(
+    model: TurbineModel, case: Case, tell: Callable[[str], None]
+) -> dict[str, Callable[[], Condition]]:
+    """As designed, then one thing changed at a time, by label; turbines are built when called for."""
+    found: dict[str, Callable[[], Condition]] = {}
+
+    def add(label: str, turbine: Callable[[], TurbineModel], **settings: Any) -> None:
+        found[label] = lambda: Condition(label, turbine(), settings)
+
+    add("as designed", lambda: model)
     for label, change in VARIATIONS.items():
-        yield Condition(label, built(change(case), tell))
+        add(label, partial(lambda change: built(change(case), tell), change))
     for factor in EFFECTIVENESS:
         if factor != 1.0:
             weaker = replace(model, turbine=with_effectiveness(model.turbine, factor))
-            yield Condition(f"flap's effect x {factor:g}", weaker)
+            add(f"flap's effect x {factor:g}", partial(lambda weaker: weaker, weaker))
     for length in LENGTHS:
         if length != model.length_scale:
-            yield Condition(f"L = {length:g} m", model, {"length_scale": length})
+            add(f"L = {length:g} m", lambda: model, length_scale=length)
     for noise in NOISES:
-        yield Condition(f"noise {100 * noise:g} %", model, {"measurement_noise": noise * model.rbm_rms})
+        add(f"noise {100 * noise:g} %", lambda: model, measurement_noise=noise * model.rbm_rms)
     for delay in DELAYS[1:]:
-        yield Condition(
-            f"delay {delay} step{'s' * (delay > 1)}", model, {"sensor_delay": delay * model.time_step}
-        )
+        late = delay * model.time_step
+        add(f"delay {delay} step{'s' * (delay > 1)}", lambda: model, sensor_delay=late)
+    return found
 
 
-def outcome(
-    agent: Agent, condition: Condition, trial: Trial, cache: Cache, tell: Callable[[str], None]
-) -> Outcome:
-    """What an agent does under a condition; open loop meets the same wind on the same turbine."""
-    model = condition.model
+def outcomes(
+    agents: Mapping[str, Agent], condition: Condition, trial: Trial, cache: Cache, tell: Callable[[str], None]
+) -> dict[str, Outcome]:
+    """What agents do under a condition, by name; open loop meets the same wind on the same turbine."""
+    model, settings = condition.model, condition.settings
     # Flaps at rest feel neither noise nor what they could do, but the wind.
-    wind = {name: value for name, value in condition.settings.items() if name == "length_scale"}
+    wind = {name: value for name, value in settings.items() if name == "length_scale"}
 
-    def taken(flyer: Agent, settings: Mapping[str, Any]) -> Metrics:
-        found = measured(
-            flyer,
-            model,
-            replace(trial, settings=settings),
-            cache,
-            tell,
-            lambda record: named(metrics=measure(record)),
+    def taken(flyers: Sequence[Agent], settings: Mapping[str, Any]) -> list[Metrics]:
+        own = replace(trial, settings=settings)
+        found = measured_together(
+            flyers, model, own, cache, tell, lambda record: named(metrics=measure(record))
         )
-        return metrics_of(found)
+        return [metrics_of(each) for each in found]
 
-    ours, reference = taken(agent, condition.settings), taken(OpenLoop(), wind)
-    grows = None
-    if isinstance(agent, LinearController):
-        delay = round(condition.settings.get("sensor_delay", 0.0) / model.time_step)
-        grows = growth(closed_loop(model, late_measurement(agent.system, delay, model.rotor_speed)))
-    return Outcome(
-        paired_change(ours.rbm_rms, reference.rbm_rms),
-        paired_change(ours.rbm_del, reference.rbm_del),
-        float(ours.flap_travel.mean()),
-        grows,
-    )
+    (reference,) = taken([OpenLoop()], wind)
+    flown = dict(zip(agents, taken(list(agents.values()), settings), strict=True))
+    delay = round(settings.get("sensor_delay", 0.0) / model.time_step)
+    return {
+        name: Outcome(
+            paired_change(flown[name].rbm_rms, reference.rbm_rms),
+            paired_change(flown[name].rbm_del, reference.rbm_del),
+            float(flown[name].flap_travel.mean()),
+            _grows(agent, model, delay),
+        )
+        for name, agent in agents.items()
+    }
+
+
+def _grows(agent: Agent, model: TurbineModel, delay: int) -> Growth | None:
+    """What grows in the linear loop of an agent whose measurements are so many steps late."""
+    if not isinstance(agent, LinearController):
+        return None
+    return growth(closed_loop(model, late_measurement(agent.system, delay, model.rotor_speed)))
 
 
 def trials_section(found: Mapping[str, Mapping[str, Outcome]], trial: Trial) -> Section:

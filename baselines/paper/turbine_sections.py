@@ -2,73 +2,83 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import re
-import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.document import Section, Table, from_markdown
+from baselines.cache import Cache
+from baselines.models import JUDGED, was_judged
 from baselines.paper.drawing import kept
-from baselines.paper.models import JUDGED, was_judged
-from benchmarks.turbine.bode import figure10, figure13, figure14
-from benchmarks.turbine.study import Study
-from benchmarks.turbine.tips import figure11
 from flapgym.core.arrays import Array
 from flapgym.evaluation import plan, run
 from flapgym.evaluation.figure import draw_figure
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.turbine import Case
+from studies.bode import OWN, SOFT, Curves, aerodynamic_states, structural_modes, tower_marks, towers
+from studies.document import Section, Table
+from studies.figures import draw_aerodynamic_states, draw_structural_modes, draw_tips, draw_towers
+from studies.parts import Study
+from studies.tables import TITLES, deviation_table, parked_peaks, tips_table, towers_table
+from studies.tips import Tips, tips_in_turbulence
 
-TURBINE = {
-    "figure10": (
-        figure10,
-        "Bode diagram, gust to tip deflection, rigid, NREL and three times softer tower",
-        "Agrees: the tower's first fore-aft mode marks the blade's answer near 0.3 Hz, and lower on the softer tower. "
-        "Disagrees: of the second, at 2.9 Hz, hardly anything shows. Our air damps the flapwise modes of the turning "
-        "blade so much that they make no peak of their own.",
-    ),
-    "figure11": (
-        figure11,
-        "tips of the three turning blades in one homogeneous gust",
-        "Agrees: the tips differ slightly, by azimuth; the tower makes the difference. Disagrees: ours swing down "
-        "nearly as far as up, which a gust without a mean makes them do; the paper shows a realisation of its own.",
-    ),
-    "figure13": (
-        figure13,
-        "5 + 20 and 15 + 40 structural modes against all",
-        "Agrees: 15 tower and 40 blade modes do (ours are 13 a blade), 5 and 20 get the first modes only.",
-    ),
-    "figure14": (
-        figure14,
-        "20, 50 and 150 aerodynamic states against all",
-        "Agrees: 150 states do, 50 hardly. Disagrees: 20 states do not smooth the curve as the paper's do, because "
-        "structure and lattice are joined after the reduction; they misplace its level.",
-    ),
+SUBJECTS = {
+    "figure10": "Bode diagram, gust to tip deflection, rigid, NREL and three times softer tower",
+    "figure11": "tips of the three turning blades in one homogeneous gust",
+    "figure13": "5 + 20 and 15 + 40 structural modes against all",
+    "figure14": "20, 50 and 150 aerodynamic states against all",
 }
-"""Program, subject and judgement of the figures of the whole turbine (docs/turbine.md says more)."""
+JUDGEMENTS = {
+    "figure10": "Agrees: the tower's first fore-aft mode marks the blade's answer near 0.3 Hz, and lower on the softer "
+    "tower. Disagrees: of the second, at 2.9 Hz, hardly anything shows. Our air damps the flapwise modes of the "
+    "turning blade so much that they make no peak of their own.",
+    "figure11": "Agrees: the tips differ slightly, by azimuth; the tower makes the difference. Disagrees: ours swing "
+    "down nearly as far as up, which a gust without a mean makes them do; the paper shows a realisation of its own.",
+    "figure13": "Agrees: 15 tower and 40 blade modes do (ours are 13 a blade), 5 and 20 get the first modes only.",
+    "figure14": "Agrees: 150 states do, 50 hardly. Disagrees: 20 states do not smooth the curve as the paper's do, "
+    "because structure and lattice are joined after the reduction; they misplace its level.",
+}
+"""Of the figures of the whole turbine (docs/turbine.md says more)."""
 
 
-def towers_marks(printed: Sequence[str | Table], model: TurbineModel) -> Table:
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """What the figures of the whole turbine show."""
+
+    towers: Curves
+    tips: Tips
+    structural_modes: Curves
+    aerodynamic_states: Curves
+
+
+def turbine_responses(
+    case: Case, model: TurbineModel, cache: Cache, tell: Callable[[str], None]
+) -> Responses:
+    """The figures' numbers, each figure kept by itself."""
+    study, settings = Study(case), {"case": case.hash()}
+    return Responses(
+        cache.data(Curves, "figure10", settings, lambda: towers(study, tell)),
+        cache.data(Tips, "figure11", settings, lambda: tips_in_turbulence(model)),
+        cache.data(Curves, "figure13", settings, lambda: structural_modes(study, tell)),
+        cache.data(Curves, "figure14", settings, lambda: aerodynamic_states(study, tell)),
+    )
+
+
+def towers_marks(curves: Curves) -> Table:
     """Figure 10: where the tower and the blades mark the answer, and the paper's words."""
-    table = next(part for part in printed if isinstance(part, Table))
-    own, softer = (next(row for row in table.rows if row[0] == name) for name in TOWERS)
+    found = {mark.name: mark for mark in tower_marks(curves)}
     rows = []
-    for mode, cells, column, paper in MARKS:
-        found = float(re.findall(r"at ([0-9.]+) Hz", (own, softer)[cells][column])[0])
-        error = "" if paper is None else f"{100.0 * (found / paper - 1.0):+.0f}"
-        rows.append((mode, f"{found:.2f}", "lower" if paper is None else f"around {paper:g}", error))
+    for mode, tower, band, paper in MARKS:
+        frequency = round(float(found[tower].frequency[band]), 2)
+        error = "" if paper is None else f"{100.0 * (frequency / paper - 1.0):+.0f}"
+        rows.append((mode, f"{frequency:.2f}", "lower" if paper is None else f"around {paper:g}", error))
     return Table(("mark [Hz]", "ours", "paper", "error [%]"), tuple(rows))
 
 
-def tips_range(printed: Sequence[str | Table], model: TurbineModel) -> Table:
+def tips_range(found: Tips) -> Table:
     """Figure 11: range of the tips, and the axis of the paper's figure."""
-    table = next(part for part in printed if isinstance(part, Table))
-    low, high = (float(value) for value in table.rows[0][2].split(" to "))
+    low, high = (round(float(value), 2) for value in (found.tips.min(), found.tips.max()))
     return Table(
         ("tips over nine turns [m]", "ours", "paper's axis", "difference [m]"),
         (
@@ -78,7 +88,7 @@ def tips_range(printed: Sequence[str | Table], model: TurbineModel) -> Table:
     )
 
 
-def sizes(printed: Sequence[str | Table], model: TurbineModel) -> Table:
+def sizes(model: TurbineModel) -> Table:
     """Figure 13: states of the full and the reduced system."""
     grid, keep, turbine = (model.case[name] for name in ("discretisation", "reduction", "turbine"))
     step = model.wind_speed * grid["time_step"] / (1.0 - grid["induction"])
@@ -107,48 +117,40 @@ VERDICT = (
     "agree: tower's mark at 0.3 Hz, slight differences between blades, 150 states and 15 + 40 modes suffice; disagree: "
     "hardly a mark at 2.9 Hz, 20 states do not smooth the curve"
 )
-TOWERS = ("NREL tower", "tower three times softer")
 MARKS = (
-    ("1st tower fore-aft", 0, 1, 0.3),
-    ("the same, tower three times softer", 1, 1, None),
-    ("blade flapwise", 0, 2, 0.6),
-    ("the same, tower three times softer", 1, 2, None),
-    ("2nd tower fore-aft", 0, 4, 2.9),
+    ("1st tower fore-aft", OWN, 0, 0.3),
+    ("the same, tower three times softer", SOFT, 0, None),
+    ("blade flapwise", OWN, 1, 0.6),
+    ("the same, tower three times softer", SOFT, 1, None),
+    ("2nd tower fore-aft", OWN, 3, 2.9),
 )
-"""Name, tower, column of the printed table, the paper's frequency [Hz] if it gives one."""
+"""Name, tower, band of TOWER_BANDS, the paper's frequency [Hz] if it gives one."""
 AXES = ("2", "1", "0.1")
 """Of Figure 15: moment [MN m], tip deflection and tower top [m]."""
-COMPARED = {"figure10": towers_marks, "figure11": tips_range, "figure13": sizes}
 
 
-def turbine_figures(
-    case: Case, model: TurbineModel, folder: Path, cache: Cache, tell: Callable[[str], None]
-) -> Section:
+def turbine_figures(found: Responses, case: Case, model: TurbineModel, folder: Path) -> Section:
     """Figures 10, 11, 13 and 14."""
-    study, judged = Study(case, "svg"), was_judged(case.hash())
-    judgements: list[str] = []
+    judged = was_judged(case.hash())
+    pictures = {name: folder / f"{name}.svg" for name in SUBJECTS}
+    draw_towers(found.towers, pictures["figure10"])
+    draw_tips(found.tips, pictures["figure11"])
+    draw_structural_modes(found.structural_modes, pictures["figure13"])
+    draw_aerodynamic_states(found.aerodynamic_states, pictures["figure14"])
+    tables: dict[str, tuple[str | Table, ...]] = {
+        "figure10": (towers_table(found.towers), parked_peaks(found.towers), towers_marks(found.towers)),
+        "figure11": (tips_table(found.tips), tips_range(found.tips)),
+        "figure13": (deviation_table(found.structural_modes), sizes(model)),
+        "figure14": (deviation_table(found.aerodynamic_states),),
+    }
     content: list[str | Table | Path] = [
         "Reading: 'stationary' is a joint frozen with blade 1 up while inflow and wake turn; magnitudes in dB of 1 m "
         "per m/s, the paper's in dB of a gust input whose scale it does not give, so shapes are compared, not levels."
     ]
-    for name, (program, subject, judgement) in TURBINE.items():
-
-        def make(name: str = name, program: Callable[..., None] = program) -> dict[str, Array]:
-            printed = io.StringIO()
-            with tempfile.TemporaryDirectory() as drawn, contextlib.redirect_stdout(printed):
-                program(study, Path(drawn), tell)
-                drawing = np.frombuffer((Path(drawn) / f"{name}.svg").read_bytes(), dtype=np.uint8)
-            return {"drawing": drawing, "printed": np.asarray(printed.getvalue())}
-
-        found = cache.arrays(name, {"case": case.hash()}, make)
-        printed = from_markdown(str(found["printed"]))
-        content += [
-            f"Figure {name.removeprefix('figure')}: {subject}.",
-            kept(folder / f"{name}.svg", found["drawing"]),
-            *printed,
-            *([COMPARED[name](printed, model)] if name in COMPARED else []),
-        ]
-        judgements.append(f"Figure {name.removeprefix('figure')}. {judgement}")
+    for name, subject in SUBJECTS.items():
+        number = name.removeprefix("figure")
+        content += [f"Figure {number}: {subject}.", pictures[name], TITLES[name], *tables[name]]
+    judgements = [f"Figure {name.removeprefix('figure')}. {words}" for name, words in JUDGEMENTS.items()]
     if not judged:
         judgements = [f"Not judged: only the figures of {JUDGED} were looked at beside the paper's."]
     return Section(

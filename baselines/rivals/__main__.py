@@ -11,18 +11,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
-from baselines.paper.cache import Cache
-from baselines.paper.document import as_html, as_markdown
+from baselines.cache import Cache
 from baselines.rivals.section import rivals_section
 from baselines.rivals.study import Study
 from flapgym.core.atomic import write_together
 from flapgym.core.program import Parser, Work, real, run, whole
+from flapgym.core.progress import ProgressBar
 from flapgym.evaluation import writable_folder
-from flapgym.evaluation.compare import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
+from flapgym.evaluation.comparison import LONGEST, MOST_REALISATIONS, PAPER_LENGTH
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import load_model
+from studies.render import as_html, as_markdown
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -35,7 +34,9 @@ def _door(options: argparse.Namespace) -> Work:
     duration = options.duration or PAPER_LENGTH * model.length_scale / model.wind_speed
 
     def work() -> int:
-        with tqdm(unit=" batches", bar_format="{desc:<16} {n_fmt}/{total_fmt}{unit}, {elapsed}") as bar:
+        with ProgressBar(
+            unit=" batches", bar_format="{desc:<16} {n_fmt}/{total_fmt}{unit}, {elapsed}"
+        ) as bar:
 
             def tell(name: str) -> None:
                 bar.set_description_str(name, refresh=False)
@@ -43,7 +44,7 @@ def _door(options: argparse.Namespace) -> Work:
 
             study = Study(model, options.realisations, duration, Cache(folder / "parts", model.hash), tell)
             bar.total = study.rounds
-            sections = [rivals_section(study)]
+            sections = [rivals_section(study.findings())]
         title = f"Rivals of the LQG on model {model.name} ({nameplate(model.case).size})"
         write_together(
             {

@@ -4,32 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
-from baselines.paper.control_sections import margins_table
-from baselines.paper.document import Section, Table, percent
-from baselines.paper.scores import CHANGES
+from baselines.margins_table import margins_table
 from baselines.rivals.bound import HOLD
 from baselines.rivals.equal_load import EqualLoad
-from baselines.rivals.study import NOISES, Outcome, Study
+from baselines.rivals.study import NOISES, Findings, Outcome
+from baselines.scores import CHANGES
 from flapgym.core.arrays import Array
 from flapgym.evaluation import paired_change
+from studies.document import Section, Table, percent
 
 EQUAL = ("LQG", "PD", "PID", "LQG, acceleration weighed 1000 times, 10 % noise expected")
 
 
-def rivals_section(study: Study) -> Section:
-    """All of it; what is in the study's cache is not computed again."""
-    found = study.all_outcomes()
-    ideal = study.ideal()
+def rivals_section(findings: Findings) -> Section:
+    """All of it."""
+    found, ideal = findings.all_outcomes, findings.ideal
     reference, base = found["open_loop"][1], found["lqg"][1]
     rows = [_row(rival.label, outcome, reference, base) for rival, outcome in list(found.values())[1:]]
     rows.append(_row("bound: best motion, wind known", ideal.outcome, reference, base))
     promised = np.sqrt(np.mean(ideal.outcome.metrics.rbm_rms**2, axis=1)) / ideal.programme_rms - 1.0
-    spent = 1e6 * study.solve_times()
+    spent = 1e6 * findings.solve_times
     return Section(
         "Rivals of the LQG, and the bound",
         (
-            f"Change against open loop on the same {study.realisations} realisations of {study.duration:.0f} s, mean "
-            "of the ratios over blades and realisations, 95 % paired bootstrap interval. "
+            f"Change against open loop on the same {findings.realisations} realisations of {findings.duration:.0f} s, "
+            "mean of the ratios over blades and realisations, 95 % paired bootstrap interval. "
             "Power is over that of the LQG whose flap "
             "just meets its stop: to move the flap's inertia (mean modulus of rate times acceleration), and against a "
             "hinge moment in proportion to the angle (mean modulus of angle times rate).",
@@ -53,19 +52,19 @@ def rivals_section(study: Study) -> Section:
             f"its rms moment is {100 * promised.mean():+.2f} % off what the programme promises (the reduced response, "
             "and what the blades differ by). Tip deflection and DEL are of the same motion, which is best in the "
             "moment's mean square, not in them.",
-            _alone(study.single_blade()),
+            _alone(findings.single_blade),
             f"Of the predictive controller's optima on a minute of wind, {spent.size} had a stop in sight; one took "
             f"{np.median(spent):.0f} microseconds (median), {np.percentile(spent, 99):.0f} (99 of 100), "
             f"{spent.max():.0f} (most), on one core, of "
-            f"{1e3 * study.model.time_step:g} ms.",
-            _horizons(study),
+            f"{1e3 * findings.time_step:g} ms.",
+            _horizons(findings),
             "Margins of MPC's full closed loop while no stop is in sight, the wind it is told being calm:",
-            margins_table(study.margins()),
-            _steady(study),
+            margins_table(findings.margins),
+            _steady(findings),
             "Actuator duty at the load of that LQG: gains of PD and PID, and the weight on the moment of an LQG that "
             "weighs acceleration a thousand times as heavily and expects 10 % of noise, brought to its rms moment, by "
             "Lyapunov equations (stops left out).",
-            _equal_load(study.equal_load()),
+            _equal_load(findings.equal_load),
         ),
         conclusions=(_summary(found["lqg_saturating"][1], found["mpc"][1], ideal.outcome, reference),),
     )
@@ -108,19 +107,19 @@ def _summary(saturating: Outcome, mpc: Outcome, ideal: Outcome, reference: Outco
     )
 
 
-def _steady(study: Study) -> str:
+def _steady(findings: Findings) -> str:
     """What tilt and yaw channels are for."""
-    told = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in study.steady_shares().items())
+    told = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in findings.steady_shares.items())
     return f"Of a steady tilting or yawing moment the linear loops leave: {told}."
 
 
-def _horizons(study: Study) -> str:
+def _horizons(findings: Findings) -> str:
     """What the length of the horizon is worth."""
-    found = study.horizons()
+    found = findings.horizons
     (own, base), *others = found.items()
     told = ", ".join(f"{100.0 * (value - base):+.2f} ({label})" for label, value in others)
     return (
-        f"Another horizon than MPC's {own} changes the RBM rms by, in points on the first {study.few.realisations} "
+        f"Another horizon than MPC's {own} changes the RBM rms by, in points on the first {findings.few} "
         f"realisations: {told}."
     )
 

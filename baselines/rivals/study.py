@@ -8,14 +8,14 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.duty import Duty, measure_duty
-from baselines.paper.effects import respond
-from baselines.paper.robustness import margins
-from baselines.paper.scores import Trial, batches, joined, mark, measured, named, rebuilt
+from baselines.cache import Cache
+from baselines.duty import Duty, measure_duty
+from baselines.effects import respond
 from baselines.rivals.bound import CONSTANTS, HOLD, Bound, best_flap, flap_response
 from baselines.rivals.contestants import PREVIEWS, SHIPPED, PlannedFlap, Rival, predictive, rivals
 from baselines.rivals.equal_load import CALM, as_array, at_equal_load, shipped_gains
+from baselines.robustness import margins
+from baselines.scores import Trial, batches, joined, mark, measured, named, rebuilt
 from baselines.shipped import loaded, shipped_weights
 from flapgym.control import Agent, OpenLoop, PredictiveController, closed_loop
 from flapgym.control.channels import MULTIBLADE
@@ -82,6 +82,24 @@ class Ideal:
 
 
 @dataclass(frozen=True, eq=False)
+class Findings:
+    """All that the report tells; the methods of `Study` of these names say what each holds."""
+
+    realisations: int
+    duration: float
+    time_step: float
+    few: int
+    all_outcomes: dict[str, tuple[Rival, Outcome]]
+    ideal: Ideal
+    single_blade: dict[str, Array]
+    solve_times: Array
+    horizons: dict[str, float]
+    margins: dict[str, Array]
+    steady_shares: dict[str, float]
+    equal_load: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Study:
     """What is compared on what.
 
@@ -120,9 +138,30 @@ class Study:
         tried = len(margins_of(self.model))
         return len(batches(self.realisations, self.duration)) * runs + self.few.realisations + some + tried
 
+    def findings(self) -> Findings:
+        """Everything; what is in the cache is not computed again."""
+        return Findings(
+            self.realisations,
+            self.duration,
+            self.model.time_step,
+            self.few.realisations,
+            self.all_outcomes(),
+            self.ideal(),
+            self.single_blade(),
+            self.solve_times(),
+            self.horizons(),
+            self.margins(),
+            self.steady_shares(),
+            self.equal_load(),
+        )
+
     def all_outcomes(self) -> dict[str, tuple[Rival, Outcome]]:
         """Every rival's outcome, by name, open loop first."""
         return {each.agent.name: (each, self._outcome(each.agent)) for each in rivals(self.model)}
+
+    def outcome(self, name: str) -> Outcome:
+        """That of the rival whose agent has this name."""
+        return self._outcome(next(each.agent for each in rivals(self.model) if each.agent.name == name))
 
     def ideal(self) -> Ideal:
         """The bound on every realisation, by the collective flap against the mean moment of the blades."""

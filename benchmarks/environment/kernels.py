@@ -7,17 +7,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from flapgym.envs.observation import task_of
 
 from benchmarks.environment.timing import best_of
-from benchmarks.turbine.study import Study
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
-from flapgym.envs.observation import task_of
 from flapgym.model import TurbineModel, load_model
 from flapgym.model.compact import compact_model
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.modal import modal_form
 from flapgym.turbine import load_case
+from studies.parts import Study
 
 TABLE_ENTRIES = 24
 """Azimuths of the table that is timed: more entries cost memory, 0.5 MB each, and no less time."""

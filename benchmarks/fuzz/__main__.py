@@ -9,10 +9,9 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from tqdm import tqdm
-
 from benchmarks.fuzz.kinds import kinds
 from benchmarks.fuzz.run import fuzz
+from flapgym.core.progress import ProgressBar
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for kind in kinds(Path(name)):
             if options.kinds and kind.name not in options.kinds:
                 continue
-            with tqdm(total=options.count, desc=kind.name, mininterval=1.0) as bar:
+            with ProgressBar(total=options.count, desc=kind.name, mininterval=1.0) as bar:
                 outcome = fuzz(kind, options.count, Path(name), options.seed, bar.update)
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
             print(

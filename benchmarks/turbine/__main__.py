@@ -11,19 +11,21 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import tqdm
-
+from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import reduced_against_full, table_of_azimuths
-from benchmarks.turbine.bode import figure10, figure13, figure14
 from benchmarks.turbine.campbell import TIP_SPEED_RATIOS, campbell
 from benchmarks.turbine.speed import ROUNDS, speed
-from benchmarks.turbine.study import Study, Tell
-from benchmarks.turbine.tips import figure11
 from flapgym.core.program import Parser, Work, run
+from flapgym.core.progress import ProgressBar
 from flapgym.evaluation import writable_folder
+from flapgym.model import load_model
 from flapgym.turbine import load_case
+from studies import bode
+from studies.figures import draw_aerodynamic_states, draw_structural_modes, draw_tips, draw_towers
+from studies.parts import Study, Tell
+from studies.tables import TITLES, deviation_table, parked_peaks, tips_table, towers_table
+from studies.tips import tips_in_turbulence
 
-FIGURES = {"figure10": figure10, "figure11": figure11, "figure13": figure13, "figure14": figure14}
 STAGES = {
     "figure10": 2,
     "figure11": 1,
@@ -34,12 +36,56 @@ STAGES = {
 }
 
 
+def figure10(study: Study, output: Path, tell: Tell) -> None:
+    """Towers."""
+    curves = bode.towers(study, tell)
+    found = towers_table(curves)
+    table(TITLES["figure10"], found.head, found.rows)
+    print(f"\n{parked_peaks(curves)}")
+    draw_towers(curves, output / "figure10.png")
+
+
+def figure11(study: Study, output: Path, tell: Tell) -> None:
+    """Tips."""
+    tell("Figure 11: tips under turbulence")
+    tips = tips_in_turbulence(load_model(study.case.name))
+    found = tips_table(tips)
+    table(TITLES["figure11"], found.head, found.rows)
+    draw_tips(tips, output / "figure11.png")
+
+
+def figure13(study: Study, output: Path, tell: Tell) -> None:
+    """Structural modes."""
+    curves = bode.structural_modes(study, tell)
+    found = deviation_table(curves)
+    table(TITLES["figure13"], found.head, found.rows)
+    draw_structural_modes(curves, output / "figure13.png")
+
+
+def figure14(study: Study, output: Path, tell: Tell) -> None:
+    """Aerodynamic states."""
+    curves = bode.aerodynamic_states(study, tell)
+    found = deviation_table(curves)
+    table(TITLES["figure14"], found.head, found.rows)
+    draw_aerodynamic_states(curves, output / "figure14.png")
+
+
 def against_full(study: Study, output: Path, tell: Tell) -> None:
     """Accuracy and speed, which share the table of A(theta)."""
     tell("A(theta) over a revolution")
     azimuths = table_of_azimuths(study)
     reduced_against_full(study, azimuths, tell)
     speed(study, azimuths, tell)
+
+
+PROGRAMS = {
+    "figure10": figure10,
+    "figure11": figure11,
+    "figure13": figure13,
+    "figure14": figure14,
+    "full": against_full,
+    "campbell": campbell,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,8 +102,7 @@ def _door(options: argparse.Namespace) -> Work:
 
     def work() -> int:
         study = Study(load_case("nrel5mw-rated"))
-        programs = FIGURES | {"full": against_full, "campbell": campbell}
-        with tqdm.tqdm(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
+        with ProgressBar(total=sum(STAGES[part] for part in parts), unit="stage") as bar:
             begun = False
 
             def tell(stage: str) -> None:
@@ -67,7 +112,7 @@ def _door(options: argparse.Namespace) -> Work:
                 begun = True
 
             for part in parts:
-                programs[part](study, folder, tell)
+                PROGRAMS[part](study, folder, tell)
             bar.update()
         return 0
 

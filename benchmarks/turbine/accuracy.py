@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.aerodynamics import table
-from benchmarks.turbine.study import Study, Tell
 from flapgym.aeroelastic.coupling import couple
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
@@ -18,6 +17,7 @@ from flapgym.core.state_space import StateSpace
 from flapgym.model.multiblade import to_blades, to_components
 from flapgym.wind import von_karman_spectrum
 from reference.full import march_turbine
+from studies.parts import Study, Tell
 
 STEPS = 1500  # 10.5 s, two revolutions
 AZIMUTH = 0.3  # of blade 1 at the start [rad]

@@ -22,7 +22,6 @@ import numpy as np
 
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import AZIMUTH, OUTPUTS, STEPS, errors, on_blades, signals, time_invariant
-from benchmarks.turbine.study import Study
 from flapgym.aeroelastic.build import build_model
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.flutter import find_flutter
@@ -34,6 +33,7 @@ from flapgym.model.compact import compact_model
 from flapgym.model.harmonics import simulate_periodic
 from flapgym.turbine import Case, load_case
 from reference.floquet import floquet_multipliers
+from studies.parts import Study
 
 CASE = load_case("nrel5mw-rated")
 REVOLUTIONS = 60

@@ -9,9 +9,9 @@ import numpy as np
 
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import time_invariant
-from benchmarks.turbine.study import Study, Tell, pyplot
 from flapgym.core.atomic import write_picture
 from reference.damping import CoupledMode, coupled_modes
+from studies.parts import Study, Tell
 
 TIP_SPEED_RATIOS = (4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 TOWER_MODES = 6
@@ -56,8 +56,10 @@ def campbell(study: Study, output: Path, tell: Tell) -> None:
 
 def draw(rpm: np.ndarray, names: list[str], modes: list[list[CoupledMode]], path: Path) -> None:
     """Frequencies with multiples of the rotor's, and damping, over rotor speed."""
-    plt = pyplot()
-    figure, axes = plt.subplots(1, 3, figsize=(13.5, 5.2), layout="constrained", width_ratios=(1.2, 1, 1))
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13.5, 5.2), layout="constrained")
+    axes = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
     kinds = list(dict.fromkeys(name.removesuffix(" " + name.split()[-1]) for name in names))
     lines = {"collective": "o-", "forward": "^--", "backward": "v:", "2": "D--"}
     for name, across in zip(names, modes, strict=True):
@@ -84,4 +86,3 @@ def draw(rpm: np.ndarray, names: list[str], modes: list[list[CoupledMode]], path
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8)
     write_picture(path, figure)
-    plt.close(figure)

@@ -11,18 +11,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from flapgym.envs.observation import task_of
 
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import AZIMUTH, REFRESH, signals, time_invariant
-from benchmarks.turbine.study import Study, Tell
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, step_matrices
 from flapgym.core.arrays import Array
-from flapgym.envs.observation import task_of
 from flapgym.model import TurbineModel, load_model
 from flapgym.plant import Setup, Start, layout, make_plant
 from flapgym.plant.modal import modal_form
 from reference.full import march_turbine
+from studies.parts import Study, Tell
 
 ROUNDS = 3
 STEPS_PER_ACTION = 5

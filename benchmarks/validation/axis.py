@@ -16,15 +16,13 @@ from typing import Literal
 
 import numpy as np
 
-from baselines.paper.cache import Cache
-from baselines.paper.models import unscaled_flap
+from baselines.cache import Cache
+from baselines.models import unscaled_flap
 from baselines.paper.readings import FEW, Reading, reading
-from baselines.paper.scores import Trial
+from baselines.scores import Trial
 from baselines.settings import load_tuning
 from baselines.tune import CONFIG
 from benchmarks.page import fill, table
-from benchmarks.turbine.bode import FEW_MODES, decibel, first_peak, on_towers, tip, tower_marks
-from benchmarks.turbine.study import Study, reduce_rotor, with_modes
 from flapgym.aeroelastic.cache import cached_model
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.design import frozen_turbine
@@ -32,9 +30,12 @@ from flapgym.control import OpenLoop
 from flapgym.core.atomic import write_atomically
 from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import SCORED_SEED, simulate, writable_folder
-from flapgym.evaluation.compare import PAPER_LENGTH
+from flapgym.evaluation.comparison import PAPER_LENGTH
 from flapgym.model import TurbineModel
 from flapgym.turbine import Case, load_case
+from studies.bode import FEW_MODES, OWN, SOFT, Curves, decibel, on_towers, tip, tower_marks
+from studies.parts import Study, reduce_rotor, with_modes
+from studies.tables import mark_cells, peak_cell
 
 PAPER = "nrel5mw-rated"
 AXES: dict[str, float | Literal["published"]] = {"25 % of the chord": 0.25, "as published": "published"}
@@ -55,21 +56,23 @@ def axis_cases(paper: Case) -> dict[str, Case]:
 def bode_rows(case: Case) -> Rows:
     """Marks and levels of Figures 10 and 13."""
     study = Study(case)
-    rigid, own, softer = on_towers(study).values()
-    marks, softer_marks = tower_marks(own, rigid), tower_marks(softer, rigid)
+    curves = on_towers(study)
     few = with_modes(study.parts, study.rotor, *FEW_MODES)
     components = reduce_rotor(few, study.rotor, case.reduction.aerodynamic_states)
     lattice = multiblade_aerodynamics(*components, 0.0, study.time_step)
-    level = decibel(own)
+    few_modes = "5 + 20 modes"
+    shown = Curves.of(curves | {few_modes: tip(frozen_turbine(few, lattice, 0.0))})
+    marks = {mark.name: mark_cells(mark) for mark in tower_marks(shown)}
+    level = decibel(shown[OWN])
     return {
-        "Figure 10: tower's first mode [dB]": (marks[0], "around 0.3 Hz"),
-        "three times softer": (softer_marks[0], "lower"),
-        "blade's flapwise mode [dB]": (marks[1], "around 0.6 Hz"),
-        "on the softer tower": (softer_marks[1], "to the left"),
-        "tower's second mode [dB]": (marks[3], "2.9 Hz"),
+        "Figure 10: tower's first mode [dB]": (marks[OWN][0], "around 0.3 Hz"),
+        "three times softer": (marks[SOFT][0], "lower"),
+        "blade's flapwise mode [dB]": (marks[OWN][1], "around 0.6 Hz"),
+        "on the softer tower": (marks[SOFT][1], "to the left"),
+        "tower's second mode [dB]": (marks[OWN][3], "2.9 Hz"),
         "level at 0.1 Hz less that at 10 Hz [dB]": (f"{level[0] - level[-1]:.0f}", "axis of 80"),
-        "Figure 13: first peak, 15 + 40 modes": (first_peak(own), "axis of 40 dB"),
-        "5 + 20 modes": (first_peak(tip(frozen_turbine(few, lattice, 0.0))), "a slight shift"),
+        "Figure 13: first peak, 15 + 40 modes": (peak_cell(shown, OWN), "axis of 40 dB"),
+        few_modes: (peak_cell(shown, few_modes), "a slight shift"),
     }
 
 

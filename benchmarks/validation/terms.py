@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from benchmarks.page import fill, table
 from benchmarks.validation.comparison import PROGRAMS, turbulence
@@ -23,6 +22,7 @@ from benchmarks.validation.steady import Means, means, rigid_answer
 from flapgym.aeroelastic.cache import cached_model
 from flapgym.core.atomic import write_atomically
 from flapgym.core.program import Parser, Work, run
+from flapgym.core.progress import ProgressBar
 from flapgym.core.units import DEGREE
 from flapgym.evaluation import writable_folder
 from flapgym.model import TurbineModel, load_model
@@ -152,7 +152,7 @@ def terms_table(first: Case, last: Case, of: Callable[[Case], Effect]) -> str:
         ("One term left out", left_out(first, last)),
     ):
         lines.append([f"**{heading}**", *[""] * (len(HEAD) - 1)])
-        for name, case in tqdm(list(cases), desc=heading, unit=" models"):
+        for name, case in ProgressBar(list(cases), desc=heading, unit=" models"):
             # Two of the cases are met on both ways.
             known[case.hash()] = known.get(case.hash()) or of(case)
             lines.append(cells(name, known[case.hash()]))

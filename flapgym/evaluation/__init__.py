@@ -1,15 +1,8 @@
 """Metrics, damage-equivalent loads and the paired comparison of agents on the same wind (paper section IV.C)."""
 
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
-from flapgym.evaluation.compare import (
-    SCORED_SEED,
-    Comparison,
-    Plan,
-    Score,
-    compare,
-    plan,
-    run,
-)
+from flapgym.evaluation.compare import compare
+from flapgym.evaluation.comparison import SCORED_SEED, Comparison, Plan, Score, plan, run
 from flapgym.evaluation.metrics import (
     Metrics,
     Record,
@@ -19,7 +12,7 @@ from flapgym.evaluation.metrics import (
     summed_damage_load,
 )
 from flapgym.evaluation.report import as_json, as_markdown, as_text, writable_folder, write_report
-from flapgym.evaluation.simulate import simulate
+from flapgym.evaluation.simulate import simulate, simulate_together
 
 __all__ = [
     "SCORED_SEED",
@@ -40,6 +33,7 @@ __all__ = [
     "root_mean_square",
     "run",
     "simulate",
+    "simulate_together",
     "summed_damage_change",
     "summed_damage_load",
     "writable_folder",

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flapgym.evaluation.comparison import Comparison
 from flapgym.evaluation.metrics import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from flapgym.evaluation.compare import Comparison
 
 OPEN, CLOSED, INFLOW = "#9a9a9a", "#0b5394", "#c1651c"
 

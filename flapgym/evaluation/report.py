@@ -10,18 +10,16 @@ import os
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flapgym.core.atomic import check_target, write_together
 from flapgym.core.wording import number
 from flapgym.evaluation.bootstrap import Estimate
+from flapgym.evaluation.comparison import Comparison, Score
 from flapgym.evaluation.figure import draw_figure, figure_is_possible
 from flapgym.evaluation.metrics import EQUIVALENT_FREQUENCY, FATIGUE_SLOPE
-
-if TYPE_CHECKING:
-    from flapgym.evaluation.compare import Comparison, Score
 
 CHANGES = {
     "rbm_rms_change": "RBM rms",

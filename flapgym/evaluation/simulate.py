@@ -1,24 +1,29 @@
-"""Run an agent through the environment and keep every plant sample."""
+"""Run agents through the environment, all of them side by side, and keep every plant sample."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flapgym.control import Agent, OpenLoop
 from flapgym.control.agent import check_time_step
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
+from flapgym.evaluation.bank import LinearBank, same_kind
 from flapgym.evaluation.metrics import Record
 from flapgym.model.turbine_model import TurbineModel
 
-BATCH = 10
-"""Realisations run side by side: more of them would hold gigabytes of samples."""
-
 _SAMPLES = ("rbm", "tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "tower_side_side", "wind")
+
+Advanced = Callable[[int], Any]
+"""Told the samples, of all turbines together, that a step adds to the records."""
 
 
 def simulate(
@@ -26,70 +31,178 @@ def simulate(
     model: TurbineModel,
     seeds: Sequence[int],
     duration: float,
-    advanced: Callable[[int], Any] = lambda samples: None,
+    advanced: Advanced = lambda samples: None,
     **settings: Any,
 ) -> Record:
-    """The record of `agent` on one realisation per seed, from a calm flap.
+    """The record of `agent` on one realisation per seed, from a calm flap: `simulate_together` of one agent."""
+    (record,) = simulate_together([agent], model, seeds, duration, advanced, **settings)
+    return record
+
+
+def simulate_together(
+    agents: Sequence[Agent],
+    model: TurbineModel,
+    seeds: Sequence[int],
+    duration: float,
+    advanced: Advanced = lambda samples: None,
+    **settings: Any,
+) -> list[Record]:
+    """The records of all agents on one realisation per seed, from calm flaps.
+
+    Agents that hold their actions equally long share one vector environment, agents by realisations: a step costs
+    hardly more for many turbines than for one.
 
     Parameters
     ----------
-    agent : Agent
-        What acts; its own `observe` and `steps_per_action` make the environment.
+    agents : sequence of Agent
+        What acts; their own `observe` and `steps_per_action` make the environments.
     model : TurbineModel
         The turbine.
     seeds : sequence of int
         Seeds of the realisations; agents given the same seeds meet the same wind and azimuth.
     duration : float
-        Length of each [s]; the record keeps round(duration / dt) samples.
+        Length of each [s]; a record keeps round(duration / dt) samples.
     advanced : callable
-        Told the samples each step adds to the record, for a progress bar.
+        For a progress bar.
     **settings
         Further keywords of the environment, as `sensors`; turbulence is the model's own unless given.
     """
     if isinstance(seeds, Set) or not len(seeds):
         raise ValueError(f"simulate.seeds: expected a list of one or more, got {shown(seeds)}")
     Quantity("time", above=0.0).check(duration, "simulate.duration")
-    check_time_step(agent, model.time_step)
-    environment = FlapVectorEnv(
-        num_envs=len(seeds),
-        model=model,
-        task={"observe": agent.observe},
-        steps_per_action=agent.steps_per_action,
-        # Whole intervals that cover the duration: agents of other intervals must not end early.
-        duration=duration + agent.steps_per_action * model.time_step,
-        record_samples=True,
-        **settings,
-    )
-    kept = round(duration / model.time_step)
-    pieces: dict[str, list[np.ndarray]] = {name: [] for name in _SAMPLES}
-    observation, first = environment.reset(seed=list(seeds))
-    # Predictive controllers may be given the wind before it comes, as a lidar would.
-    preview = getattr(agent, "preview", 0)
-    coming = coming_wind(model, seeds, kept + preview, **settings) if preview else None
-    state, start, done = None, np.ones(len(seeds), dtype=bool), 0
-    while done < kept:
-        if coming is not None:
-            observation = np.hstack([observation, coming[:, done : done + preview]])
-        with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
-            action, state = agent.predict(observation, state, start)
-        if not np.isfinite(action).all():
-            raise ValueError(
-                f"agent {agent.name}: gave an action that is not finite after {done * model.time_step:.2f} s; "
-                "its own state or its layers overflow"
-            )
-        observation, _, terminated, truncated, info = environment.step(action)
-        for name in _SAMPLES:
-            pieces[name].append(info["samples"][name])
-        start = terminated | truncated
-        advanced(min(agent.steps_per_action, kept - done))
-        done += agent.steps_per_action
-        if start.any() and done < kept:
-            raise RuntimeError(f"agent {agent.name}: the episode ended after {done} of {kept} samples")
-    environment.close()
-    series = {name: np.concatenate(parts, axis=1)[:, :kept] for name, parts in pieces.items()}
-    return Record(**series, azimuth=first["azimuth"], time_step=model.time_step)
+    for agent in agents:
+        check_time_step(agent, model.time_step)
+    records: dict[int, Record] = {}
+    for steps in dict.fromkeys(agent.steps_per_action for agent in agents):
+        group = [index for index, agent in enumerate(agents) if agent.steps_per_action == steps]
+        found = _simulate_group([agents[i] for i in group], model, seeds, duration, advanced, settings)
+        records |= dict(zip(group, found, strict=True))
+    return [records[index] for index in range(len(agents))]
 
 
-def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **settings: Any) -> np.ndarray:
+def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **settings: Any) -> Array:
     """Wind perturbation of each realisation at samples 1 to so many, (N, samples) [m/s]; no agent changes it."""
     return simulate(OpenLoop(), model, seeds, samples * model.time_step, **settings).wind
+
+
+@dataclass(eq=False)
+class _Player:
+    """An agent, or linear ones together, at turbines of a shared environment.
+
+    Attributes
+    ----------
+    rows : slice
+        The turbines, agent by agent.
+    columns : (n,) int
+        Of the shared observation, in the order of the agents' own.
+    act : callable
+        Actions (turbines, 3) for observations (turbines, n) after so many samples; each call is the next step.
+    """
+
+    rows: slice
+    columns: NDArray[np.int64]
+    act: Callable[[NDArray[np.float32], int], NDArray[np.float32]]
+
+
+def _simulate_group(
+    agents: Sequence[Agent],
+    model: TurbineModel,
+    seeds: Sequence[int],
+    duration: float,
+    advanced: Advanced,
+    settings: dict[str, Any],
+) -> list[Record]:
+    """Records of agents of one interval between actions."""
+    steps, kept = agents[0].steps_per_action, round(duration / model.time_step)
+    observed = tuple(dict.fromkeys(name for agent in agents for name in agent.observe))
+    environment = FlapVectorEnv(
+        num_envs=len(agents) * len(seeds),
+        model=model,
+        task={"observe": observed},
+        steps_per_action=steps,
+        # Whole intervals that cover the duration: agents of other intervals must not end early.
+        duration=duration + steps * model.time_step,
+        record_samples=True,
+        autoreset_mode="Disabled",  # nothing ends before its last sample
+        **settings,
+    )
+    # Of one kind side by side, so that linear controllers can act together.
+    order = sorted(range(len(agents)), key=lambda index: same_kind(agents[index]) or ())
+    agents = [agents[index] for index in order]
+    players = _players(agents, environment.observed, model, seeds, kept, settings)
+    observation, first = environment.reset(seed=list(seeds) * len(agents))
+    series = dict[str, Array]()
+    for done in range(0, kept, steps):
+        with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
+            actions = np.concatenate(
+                [player.act(observation[player.rows, player.columns], done) for player in players]
+            )
+        if not np.isfinite(actions).all():
+            name = agents[int(np.argmin(np.isfinite(actions).all(axis=1))) // len(seeds)].name
+            raise ValueError(
+                f"agent {name}: gave an action that is not finite after {done * model.time_step:.2f} s; "
+                "its own state or its layers overflow"
+            )
+        observation, _, terminated, truncated, info = environment.step(actions)
+        new = min(steps, kept - done)
+        for name in _SAMPLES:
+            samples = info["samples"][name]
+            if not done:
+                series[name] = np.empty((len(samples), kept, *samples.shape[2:]))
+            series[name][:, done : done + new] = samples[:, :new]
+        ended = terminated | truncated
+        advanced(environment.num_envs * new)
+        if done + steps < kept and ended.any():
+            name = agents[int(np.argmax(ended)) // len(seeds)].name
+            raise RuntimeError(f"agent {name}: the episode ended after {done + steps} of {kept} samples")
+    environment.close()
+    records = list[Record]()
+    for place in np.argsort(order):
+        rows = slice(place * len(seeds), (place + 1) * len(seeds))
+        own = {name: values[rows] for name, values in series.items()}
+        records.append(Record(**own, azimuth=first["azimuth"][rows], time_step=model.time_step))
+    return records
+
+
+def _players(
+    agents: Sequence[Agent],
+    observed: dict[str, range],
+    model: TurbineModel,
+    seeds: Sequence[int],
+    samples: int,
+    settings: dict[str, Any],
+) -> list[_Player]:
+    """Who acts at which turbines; linear controllers of one kind that follow each other act together."""
+    players, first = list[_Player](), 0
+    for kind, found in groupby(agents, same_kind):
+        for some in [list(found)] if kind else [[agent] for agent in found]:
+            rows = slice(first * len(seeds), (first + len(some)) * len(seeds))
+            columns = np.concatenate([np.array(observed[name]) for name in some[0].observe])
+            act = _alone(some[0], model, seeds, samples, settings) if kind is None else _in_step(some)
+            players.append(_Player(rows, columns, act))
+            first += len(some)
+    return players
+
+
+def _in_step(agents: Sequence[Agent]) -> Callable[[NDArray[np.float32], int], NDArray[np.float32]]:
+    bank = LinearBank(agents)  # type: ignore[arg-type]
+    return lambda observation, done: bank.act(observation)
+
+
+def _alone(
+    agent: Agent, model: TurbineModel, seeds: Sequence[int], samples: int, settings: dict[str, Any]
+) -> Callable[[NDArray[np.float32], int], NDArray[np.float32]]:
+    """One agent's own `predict`; predictive ones may be given the wind before it comes, as a lidar would."""
+    preview = getattr(agent, "preview", 0)
+    coming = coming_wind(model, seeds, samples + preview, **settings) if preview else None
+    state: Array | None = None
+
+    def act(observation: NDArray[np.float32], done: int) -> NDArray[np.float32]:
+        nonlocal state
+        if coming is not None:
+            observation = np.hstack([observation, coming[:, done : done + preview]])
+        start = np.full(len(observation), done == 0)
+        action, state = agent.predict(observation, state, start)
+        return action
+
+    return act

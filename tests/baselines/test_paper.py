@@ -6,17 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from baselines import scores
+from baselines.cache import Cache
 from baselines.paper import __main__ as program
-from baselines.paper import scores, turbine_sections
-from baselines.paper.cache import Cache
+from baselines.paper import study as study_module
+from baselines.paper import turbine_sections
 from baselines.paper.control_sections import gust_alleviation, more, robustness
 from baselines.paper.controllers import Plants, swaying_wind
-from baselines.paper.document import Section, Table, as_html, as_markdown, from_markdown, summary
+from baselines.paper.groundwork import Job, stages, worked
 from baselines.paper.readings import Reading, readings_section
-from baselines.paper.robustness import CONDITIONS, MARGINS, margins, sensitivity
-from baselines.paper.scores import score
 from baselines.paper.structure_sections import table_2
 from baselines.paper.turbine_sections import _lag
+from baselines.robustness import CONDITIONS, MARGINS, margins, sensitivity
+from baselines.scores import score
 from flapgym.control import Weights, closed_loop, lqg_agent, stationary_rms
 from flapgym.control.closed_loop import with_effectiveness
 from flapgym.control.margins import late_measurement
@@ -25,6 +27,10 @@ from flapgym.evaluation import Estimate, Metrics
 from flapgym.model import load_model, save_model
 from flapgym.turbine import load_case
 from reference.study import STUDY_OUTPUTS
+from studies.bode import OWN, PARKED, RIGID, SOFT, Curves
+from studies.document import Section, Table, summary
+from studies.render import as_html, as_markdown
+from studies.tips import CYCLES, Tips
 from tests.scaled import small_case
 from tests.synthetic import synthetic_model
 
@@ -39,13 +45,15 @@ def _sampled(model, time_step):
 
 @pytest.fixture
 def short(monkeypatch):
-    monkeypatch.setattr(program, "QUICK_DURATION", 4.0)
-    monkeypatch.setattr(program, "QUICK", {"lqg"})
+    monkeypatch.setattr(study_module, "QUICK_DURATION", 4.0)
+    monkeypatch.setattr(study_module, "QUICK", {"lqg"})
+    # What is replaced here is not in another process.
+    monkeypatch.setattr(program, "PROCESSES", 1)
     # The real one takes as long as a build; here the tower's top and the flapwise moments stand for its outputs.
     chosen = load_model("nrel5mw-rated").turbine.select(
         outputs=("rbm_0", "rbm_c", "rbm_s", "tower_fore_aft", "tower_side_side")
     )
-    monkeypatch.setattr(program, "study_turbine", lambda case: replace(chosen, outputs=STUDY_OUTPUTS))
+    monkeypatch.setattr(study_module, "study_turbine", lambda case: replace(chosen, outputs=STUDY_OUTPUTS))
 
 
 def test_a_finished_part_is_not_computed_again(short, tmp_path, monkeypatch):
@@ -57,7 +65,7 @@ def test_a_finished_part_is_not_computed_again(short, tmp_path, monkeypatch):
     def never(*_):
         raise AssertionError("simulated again")
 
-    monkeypatch.setattr(scores, "simulate", never)
+    monkeypatch.setattr(scores, "simulate_together", never)
     assert program.main(arguments) == 0
     assert (tmp_path / "paper-trial.md").read_text() == first
     rules = [line for line in first.splitlines() if line.startswith("| --- ")]
@@ -253,12 +261,6 @@ def test_html_needs_no_other_file_and_escapes(tmp_path):
     assert "![figure](figure.svg)" in as_markdown("title", [section], tmp_path)
 
 
-def test_printed_tables_are_read_back():
-    table = Table(("", "a"), (("x", "1"), ("", "2")))
-    text = as_markdown("t", [Section("s", ("some words", table))], Path())
-    assert from_markdown(text)[2:] == ["some words", table]
-
-
 def test_table_2_differs_where_the_paper_misprints_it(tmp_path):
     section = table_2(load_case("nrel5mw-rated"), Cache(tmp_path, "a"))
     rows = [row for table in section.content if isinstance(table, Table) for row in table.rows]
@@ -279,7 +281,7 @@ def test_an_interrupt_keeps_what_is_finished_and_says_so(short, tmp_path, monkey
         raise KeyboardInterrupt
 
     monkeypatch.setitem(program.PARTS, "figure9", stop)
-    assert program.main(["table2", "figure9", "--output", str(tmp_path)]) == 130
+    assert program.main(["table2", "figure9", "--processes", "1", "--output", str(tmp_path)]) == 130
     assert "run it again" in capsys.readouterr().err
     assert [path.name.split("-")[0] for path in (tmp_path / "paper" / "parts").iterdir()] == ["table2"]
 
@@ -373,24 +375,57 @@ def test_another_turbine_is_not_set_beside_the_paper_s(tmp_path, capsys):
 def test_the_study_s_case_is_the_one_the_model_holds_whatever_its_name(tmp_path):
     case = replace(load_case(), name="slow")
     slow = replace(MODEL, case=case.to_dict(), name="slow", inputs_hash=case.hash())
-    assert program.Study(slow, tmp_path, 2, True, None).case.hash() == case.hash()
+    assert program.Study(slow, tmp_path, 2, True, print).case.hash() == case.hash()
     older = replace(slow, case={key: value for key, value in slow.case.items() if key != "airloads"})
     with pytest.raises(
         ValueError, match="model slow: airloads: missing; .*in the case it holds; build it again"
     ):
-        program.Study(older, tmp_path, 2, True, None)
+        program.Study(older, tmp_path, 2, True, print)
 
 
-def test_figures_of_the_turbine_are_judged_for_the_case_that_was_looked_at_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr(turbine_sections, "TURBINE", {})
+def _turbine_responses():
+    """Made up: what is tested is what is said of them."""
+    frequency = np.geomspace(0.1, 10.0, 40)
+    flat = np.ones((6, 40), dtype=complex) * np.linspace(1.0, 2.0, 6)[:, None]
+    names = np.array([RIGID, OWN, SOFT, f"{OWN}, blade 2", f"{OWN}, blade 3", PARKED])
+    towers = Curves(names, frequency, flat)
+    turns = np.linspace(*CYCLES, 50)
+    tips = Tips(turns, np.sin(turns), np.outer(np.sin(turns), [1.0, 1.1, 0.9]), np.array([0.7, 0.1]))
+    return turbine_sections.Responses(towers, tips, towers, towers)
+
+
+def test_figures_of_the_turbine_are_judged_for_the_case_that_was_looked_at_alone(tmp_path):
     own = load_case("nrel5mw-rated")
     other = replace(own, flaps=(replace(own.flaps[0], span_start=0.5),))
+    model = replace(MODEL, case=own.to_dict())
     ours, theirs = (
-        turbine_sections.turbine_figures(case, MODEL, tmp_path, Cache(tmp_path, "a"), print)
-        for case in (own, other)
+        turbine_sections.turbine_figures(_turbine_responses(), case, model, tmp_path) for case in (own, other)
     )
     assert ours.verdict.startswith("agree")
+    assert (tmp_path / "figure10.svg").stat().st_size > 10_000
     assert theirs.verdict == ""
     assert theirs.conclusions == (
         "Not judged: only the figures of nrel5mw-rated were looked at beside the paper's.",
     )
+
+
+def test_jobs_of_a_stage_are_done_in_processes_of_their_own_and_their_numbers_found(tmp_path):
+    jobs = [Job("table2"), Job("figure15")]
+    given = load_model("nrel5mw-rated"), tmp_path, 2, True
+    assert set(worked(jobs, 2, *given)) == set(jobs)
+    study = program.Study(*given, lambda what: None)
+    kept = {path.name for path in (tmp_path / "parts").iterdir()}
+    assert {name.split("-")[0] for name in kept} == {"table2", "figure15"}
+    assert study.table2().verdict.startswith("agrees")
+    assert "revolutions" in study.figure15().content[0]
+    assert {path.name for path in (tmp_path / "parts").iterdir()} == kept
+
+
+def test_every_part_s_numbers_are_left_by_jobs_before_it(tmp_path):
+    study = program.Study(load_model("nrel5mw-rated"), tmp_path, 2, False, lambda what: None)
+    jobs = [job for stage in stages(study, program.PARTS) for job in stage]
+    assert len(set(jobs)) == len(jobs)
+    assert all(callable(getattr(program.Study, job.method)) for job in jobs)
+    scored = [name for job in jobs if job.method == "scored_together" for name in job.arguments]
+    assert sorted(scored) == sorted((*study.names, *study_module.BESIDE, "open_loop"))
+    assert {job.arguments[0] for job in jobs if job.method == "judged"} == set(study.linear)

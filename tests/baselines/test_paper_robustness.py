@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baselines.paper.cache import Cache
-from baselines.paper.duty import Duty
-from baselines.paper.effects import Effects, effects_section, further_loads, respond
-from baselines.paper.models import VARIATIONS, unscaled_flap
-from baselines.paper.scores import Trial
-from baselines.paper.trials import Condition, Outcome, outcome, trials_section
+from baselines.cache import Cache
+from baselines.duty import Duty
+from baselines.effects import Effects, further_loads, respond
+from baselines.models import VARIATIONS, unscaled_flap
+from baselines.paper.effects_section import effects_section
+from baselines.paper.trials import Condition, Outcome, outcomes, trials_section
+from baselines.scores import Trial
 from flapgym.control import Weights, lqg_agent
 from flapgym.control.growth import Growth
 from flapgym.evaluation import Estimate, root_mean_square, simulate
@@ -67,7 +68,7 @@ def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
     agent = lqg_agent("lqg", MODEL, Weights(30.0))
     trial, cache = Trial("trial", 2, 6.0), Cache(tmp_path, "a")
     found = {
-        condition.label: {"lqg": outcome(agent, condition, trial, cache, lambda name: None)}
+        condition.label: outcomes({"lqg": agent}, condition, trial, cache, lambda name: None)
         for condition in (
             Condition("as designed", MODEL),
             Condition("noise", MODEL, {"measurement_noise": 0.5 * MODEL.rbm_rms}),

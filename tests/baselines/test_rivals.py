@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from baselines.paper.duty import measure_duty
+from baselines.duty import measure_duty
 from baselines.rivals import __main__ as program
 from baselines.rivals import bound as module
 from baselines.rivals import study as study_module
@@ -208,7 +208,7 @@ def test_a_finished_batch_is_not_computed_again(tmp_path, monkeypatch, capsys):
         raise AssertionError("simulated again")
 
     monkeypatch.setattr(study_module, "simulate", never)
-    monkeypatch.setattr("baselines.paper.scores.simulate", never)
+    monkeypatch.setattr("baselines.scores.simulate_together", never)
     assert program.main(arguments) == 0
     assert (tmp_path / "rivals.md").read_text() == first
 

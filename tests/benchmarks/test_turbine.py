@@ -6,20 +6,22 @@ import numpy as np
 import pytest
 
 from benchmarks import conventions
-from benchmarks.turbine import bode
+from benchmarks.turbine import __main__ as program
 from benchmarks.turbine.__main__ import main
 from benchmarks.turbine.accuracy import errors, reduced_against_full, signals
 from benchmarks.turbine.building import builds, newmark_gap, sway
 from benchmarks.turbine.campbell import modes_at
 from benchmarks.turbine.speed import Subject, assembled, seconds_per_step
-from benchmarks.turbine.study import Study, with_modes, with_tower
-from benchmarks.turbine.tips import TIPS, exact_rms, simulate_tips
 from flapgym.aeroelastic.build import build_model
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import periodic_model
 from flapgym.model import load_model
 from flapgym.turbine import load_case
 from flapgym.wind import von_karman_spectrum
+from studies import bode
+from studies.parts import Study, with_modes, with_tower
+from studies.tables import deviation_table, towers_table
+from studies.tips import TIPS, exact_rms, simulate_tips
 
 
 @pytest.fixture(scope="module")
@@ -50,15 +52,33 @@ def test_other_modes_leave_the_first_ones_as_they_are(study):
     assert more.lattice.modes == 6
 
 
-@pytest.mark.parametrize(("figure", "curves"), [("figure10", 4), ("figure13", 3), ("figure14", 3)])
-def test_frequency_responses_are_tabled_and_drawn(study, figure, curves, tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def coarse(monkeypatch):
     monkeypatch.setattr(bode, "FREQUENCY", np.geomspace(0.1, 10.0, 60))
     monkeypatch.setattr(bode, "TOTALS", (30, 45))
     monkeypatch.setattr(bode, "FEW_MODES", (3, 5))
     monkeypatch.setattr(bode, "ALL_MODES", (6, 8))
-    getattr(bode, figure)(study, tmp_path, lambda stage: None)
+
+
+@pytest.mark.parametrize(("figure", "curves"), [("figure10", 4), ("figure13", 3), ("figure14", 3)])
+def test_frequency_responses_are_tabled_and_drawn(study, coarse, figure, curves, tmp_path, capsys):
+    program.PROGRAMS[figure](study, tmp_path, lambda stage: None)
     assert (tmp_path / f"{figure}.png").stat().st_size > 10_000
     assert len(rows_of(capsys.readouterr().out)) == 1 + curves
+
+
+def test_tables_say_what_the_curves_hold(study, coarse):
+    curves = bode.towers(study, lambda stage: None)
+    change = bode.decibel(curves[bode.SOFT]) - bode.decibel(curves[bode.RIGID])
+    low, high = bode.TOWER_BANDS[0]
+    inside = (curves.frequency >= low) & (curves.frequency <= high)
+    mark = next(mark for mark in bode.tower_marks(curves) if mark.name == bode.SOFT)
+    assert abs(mark.change[0]) == np.abs(change[inside]).max()
+    assert change[curves.frequency == mark.frequency[0]] == mark.change[0]
+    row = next(row for row in towers_table(curves).rows if row[0] == bode.SOFT)
+    assert row[1] == f"{mark.change[0]:+.1f} at {mark.frequency[0]:.2f} Hz"
+    *_, full = deviation_table(curves).rows
+    assert full[0] == curves.names[0]
 
 
 def test_parked_structure_rings_at_its_natural_frequencies(study, monkeypatch):

@@ -11,6 +11,7 @@ from flapgym.evaluation.metrics import (
     Record,
     damage_equivalent_load,
     measure,
+    rainflow_cycles,
     root_mean_square,
     summed_damage_load,
     turning_points,
@@ -22,6 +23,17 @@ ASTM_RANGES = {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}
 
 def test_rainflow_counts_the_astm_example():
     assert dict(rainflow.count_cycles(ASTM)) == ASTM_RANGES
+
+
+def test_cycles_are_those_of_an_independent_counter():
+    load = np.random.default_rng(3).standard_normal(4000).cumsum()
+    for series in (np.array(ASTM), load, load[:2], np.sort(load), np.repeat(load, 2)):
+        ranges, counts = rainflow_cycles(series)
+        theirs = [(span, count) for span, _, count, _, _ in rainflow.extract_cycles(series)]
+        if theirs:  # it counts only what turns back
+            np.testing.assert_array_equal(np.column_stack([ranges, counts]), theirs)
+    ranges, counts = rainflow_cycles(np.array(ASTM))
+    assert {span: counts[ranges == span].sum() for span in ranges} == ASTM_RANGES
 
 
 def test_del_of_the_astm_example():

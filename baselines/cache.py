@@ -10,7 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from flapgym.core.atomic import write_atomically
 from flapgym.core.state_space import StateSpace
 
 Arrays = Mapping[str, Array]
+Data = TypeVar("Data")
 
 DAMAGED = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error)
 """What a file that is missing, cut or no archive raises: its part is computed again."""
-VERSION = 4
+VERSION = 5
 """Raised when what a part computes changes though its settings do not."""
 
 
@@ -56,6 +57,12 @@ class Cache:
         np.savez_compressed(content, **made)  # type: ignore[arg-type]
         write_atomically(path, content.getvalue())
         return made
+
+    def data(
+        self, kind: type[Data], part: str, settings: Mapping[str, Any], make: Callable[[], Data]
+    ) -> Data:
+        """The same for a dataclass of arrays."""
+        return kind(**self.arrays(part, settings, lambda: vars(make())))
 
     def system(self, part: str, settings: Mapping[str, Any], make: Callable[[], StateSpace]) -> StateSpace:
         """The same for a state space."""

@@ -9,11 +9,19 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.stats import bootstrap
 
-from baselines.paper.cache import Cache, fingerprint
+from baselines.cache import Cache, fingerprint
 from baselines.tuning import LinearController
 from flapgym.control import Agent, Policy, PredictiveController
 from flapgym.core.arrays import Array
-from flapgym.evaluation import SCORED_SEED, Estimate, Metrics, Record, paired_change, simulate
+from flapgym.evaluation import (
+    SCORED_SEED,
+    Estimate,
+    Metrics,
+    Record,
+    paired_change,
+    simulate,
+    simulate_together,
+)
 from flapgym.evaluation.bootstrap import CONFIDENCE, SMALLEST_CORRECTED
 from flapgym.model.turbine_model import TurbineModel
 
@@ -21,6 +29,9 @@ Data = TypeVar("Data")
 
 TOGETHER = 6700.0
 """Seconds of wind simulated side by side, 25 realisations of 20 L/U; 0.3 GB."""
+
+SIDE_BY_SIDE = 4
+"""Agents simulated together: so many times the memory."""
 
 CHANGES = {"rbm_rms": "RBM rms", "tip_rms": "tip rms", "rbm_del": "RBM DEL", "tower_rms": "tower rms"}
 
@@ -44,6 +55,16 @@ class Trial:
     realisations: int
     duration: float
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def settled(self, inputs: Mapping[str, Any], seeds: Sequence[int]) -> dict[str, Any]:
+        """All that decides what a batch of it gives, the inputs beside the trial's own."""
+        own = {
+            "first": seeds[0],
+            "count": len(seeds),
+            "duration": self.duration,
+            "settings": dict(self.settings),
+        }
+        return {**inputs, **own}
 
 
 @dataclass(frozen=True)
@@ -87,12 +108,47 @@ def measured(
     take: Callable[[Record], Mapping[str, Array]],
 ) -> dict[str, Array]:
     """What `take` finds in the records of an agent, all realisations joined; `advanced` is told of every batch."""
+    (found,) = measured_together([agent], model, trial, cache, advanced, take)
+    return found
 
-    def make(seeds: Sequence[int]) -> Mapping[str, Array]:
-        return take(simulate(agent, model, seeds, trial.duration, **trial.settings))
 
-    inputs = {"agent": mark(agent), "model": model.hash}
-    return joined(agent.name, inputs, trial, cache, advanced, make)
+def measured_together(
+    agents: Sequence[Agent],
+    model: TurbineModel,
+    trial: Trial,
+    cache: Cache,
+    advanced: Callable[[str], None],
+    take: Callable[[Record], Mapping[str, Array]],
+) -> list[dict[str, Array]]:
+    """The same of several agents, side by side in the simulations that are not done yet."""
+    inputs = [{"agent": mark(agent), "model": model.hash} for agent in agents]
+    for seeds in batches(trial.realisations, trial.duration):
+        lost = [
+            (agent, each)
+            for agent, each in zip(agents, inputs, strict=True)
+            if not cache.path(part_of(agent.name, trial), trial.settled(each, seeds)).exists()
+        ]
+        for first in range(0, len(lost), SIDE_BY_SIDE):
+            some = lost[first : first + SIDE_BY_SIDE]
+            flyers = [agent for agent, _ in some]
+            records = simulate_together(flyers, model, seeds, trial.duration, **trial.settings)
+            for (agent, each), record in zip(some, records, strict=True):
+                settings = trial.settled(each, seeds)
+                cache.arrays(part_of(agent.name, trial), settings, lambda record=record: take(record))  # type: ignore[misc]
+
+    def alone(agent: Agent) -> Callable[[Sequence[int]], Mapping[str, Array]]:
+        # Asked only where a file that was there turns out damaged.
+        return lambda seeds: take(simulate(agent, model, seeds, trial.duration, **trial.settings))
+
+    return [
+        joined(agent.name, each, trial, cache, advanced, alone(agent))
+        for agent, each in zip(agents, inputs, strict=True)
+    ]
+
+
+def part_of(name: str, trial: Trial) -> str:
+    """What a trial of an agent is called in the cache."""
+    return f"{trial.name}-{name}"
 
 
 def joined(
@@ -106,14 +162,8 @@ def joined(
     """What `make` finds for the seeds of each batch, joined; `inputs` is all else it depends on."""
     parts = []
     for seeds in batches(trial.realisations, trial.duration):
-        settings = {
-            **inputs,
-            "first": seeds[0],
-            "count": len(seeds),
-            "duration": trial.duration,
-            "settings": dict(trial.settings),
-        }
-        parts.append(cache.arrays(f"{trial.name}-{name}", settings, lambda seeds=seeds: make(seeds)))  # type: ignore[misc]
+        settings = trial.settled(inputs, seeds)
+        parts.append(cache.arrays(part_of(name, trial), settings, lambda seeds=seeds: make(seeds)))  # type: ignore[misc]
         advanced(name)
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 

@@ -6,17 +6,13 @@ a second time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from baselines.paper.document import Section, Table, percent
-from baselines.paper.duty import Duty
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace, require_time_step
-from flapgym.evaluation import Record, damage_equivalent_load, paired_change, root_mean_square
+from flapgym.evaluation import Record, damage_equivalent_load, root_mean_square
 from flapgym.evaluation.metrics import FATIGUE_SLOPE
 from flapgym.model.multiblade import to_blades, to_components
 from reference.study import STUDY_OUTPUTS
@@ -43,17 +39,6 @@ class Effects:
     side_side_del: Array
     edge_rms: Array
     edge_del: Array
-
-
-SIDE = {
-    "fore_aft_rms": "tower base fore-aft rms",
-    "fore_aft_del": "its DEL",
-    "side_side_rms": "tower base side-to-side rms",
-    "side_side_del": "its DEL",
-    "edge_rms": "edgewise RBM rms",
-    "edge_del": "its DEL",
-}
-"""Loads of `Effects` and their names in tables."""
 
 
 def measure_effects(record: Record, turbine: StateSpace, rotor_speed: float) -> Effects:
@@ -132,64 +117,3 @@ def respond(system: StateSpace, inputs: Array, block: int = BLOCK) -> Array:
         rows[:, index] = state @ observe + padded[:, index] @ through
         state = state @ powers[block].T + padded[:, index] @ drive
     return rows.reshape(n, whole, ny)[:, :steps]
-
-
-def effects_section(
-    found: Mapping[str, tuple[Effects, Duty]],
-    labels: Mapping[str, str],
-    open_loop: Effects,
-    realisations: int,
-) -> Section:
-    """Tables of side effects and of duty by controller; the base case is "lqg"."""
-    base = found["lqg"][1]
-    loads, duty = [], []
-    for name, (ours, moved) in found.items():
-        changes = (paired_change(getattr(ours, key), getattr(open_loop, key)) for key in SIDE)
-        loads.append((labels[name], *(percent(change) for change in changes)))
-        degrees = (
-            np.rad2deg(getattr(moved, key).mean()) for key in ("travel", "rate_rms", "acceleration_rms")
-        )
-        shares = (
-            getattr(moved, key).mean() / getattr(base, key).mean()
-            for key in ("inertial_power", "hinge_power")
-        )
-        duty.append(
-            (labels[name], *(f"{value:.2f}" for value in degrees), *(f"{share:.2f}" for share in shares))
-        )
-    content: list[str | Table | Path] = [
-        f"Change against open loop on the same {realisations} realisations [%], mean of the ratios, 95 % paired "
-        "bootstrap interval. Tower: "
-        "bending moment on the foundation, DEL with the S-N slope 4 of steel; edgewise root bending moment of the "
-        "blades, DEL with slope 10. Gravity and profile drag are left out of the model and in-plane loads come out "
-        "some 40 % small (docs/aerodynamics.md): these are changes of what turbulence does, not of all edgewise "
-        "loads.",
-        Table(("controller", *SIDE.values()), tuple(loads)),
-        "Actuator duty, mean over blades and realisations: path of a flap, rms of rate and acceleration, and power "
-        "over the base case's: to move the flap's inertia (mean modulus of rate times acceleration) and against a "
-        "hinge moment in proportion to the angle (mean modulus of angle times rate).",
-        Table(
-            (
-                "controller",
-                "travel [deg/s]",
-                "rate rms [deg/s]",
-                "acceleration rms [deg/s^2]",
-                "inertial power over base",
-                "hinge power over base",
-            ),
-            tuple(duty),
-        ),
-    ]
-    conclusions = []
-    if "pd" in found:
-        inertial, hinge = (
-            100.0 * (getattr(found["pd"][1], key).mean() / getattr(base, key).mean() - 1.0)
-            for key in ("inertial_power", "hinge_power")
-        )
-        verdict = "agrees" if inertial > 0.0 else "disagrees"
-        conclusions.append(
-            "The paper cites up to 70 % more actuation power for PD than for a robust controller at equal load. By the "
-            f"paper's rule, not quite at equal load, ours takes {inertial:+.0f} % of inertial and {hinge:+.0f} % of "
-            f"hinge power against the base case: {verdict} in sign. The base case's weights leave acceleration "
-            "nearly free; the section on rivals compares at equal load, and with an LQG that weighs it."
-        )
-    return Section("Side effects and actuator duty", tuple(content), conclusions=tuple(conclusions))

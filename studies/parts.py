@@ -1,11 +1,10 @@
-"""What the studies share: the case's parts, its reductions, and variants of them."""
+"""The parts of a case and its reductions, made when first asked for, and variants of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 from flapgym.aerodynamics import Aerodynamics
 from flapgym.aeroelastic.blade_lattice import blade_lattice, reduce_component
@@ -25,12 +24,10 @@ class Study:
     Parameters
     ----------
     case : Case
-    picture : str
-        Kind of the figures' files, "png" or "svg".
     """
 
-    def __init__(self, case: Case, picture: str = "png") -> None:
-        self.case, self.picture = case, picture
+    def __init__(self, case: Case) -> None:
+        self.case = case
 
     @cached_property
     def _assembled(self) -> tuple[Parts, Aerodynamics]:
@@ -87,13 +84,3 @@ def with_tower(parts: Parts, factor: float) -> Parts:
     turbine = replace(parts.case.turbine, tower=softer)
     support = linear_support(turbine, parts.case.rotor_speed)
     return replace(parts, case=replace(parts.case, turbine=turbine), support=support)
-
-
-def pyplot() -> Any:
-    """Matplotlib's pyplot, drawing to files."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    import matplotlib.pyplot as plt
-
-    return plt

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from baselines.paper.cache import Cache, fingerprint
-from baselines.paper.scores import mark
+from baselines.cache import Cache, fingerprint
+from baselines.scores import mark
 from baselines.tuning import LinearController
 from flapgym.control import closed_loop, growth_per_turn, peak_gain, periodic, stability, stationary_rms
 from flapgym.control.channels import ROTOR

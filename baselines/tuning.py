@@ -31,8 +31,8 @@ from flapgym.core.state_space import StateSpace
 from flapgym.evaluation import Metrics, measure, simulate
 from flapgym.model.turbine_model import TurbineModel
 
-FREE = 100.0
-"""Factor on the flap's stops that takes them out of the way while the rule asks how far the flap wants to go."""
+STOPS_AWAY = 100.0
+"""Factor on the flap's stops that takes them out of the way to measure the motion without them."""
 PEAK_FACTOR = 4.0
 """First guess of the largest angle over its rms; a Gaussian signal of some thousand independent swings."""
 TOLERANCE = 0.005
@@ -69,7 +69,7 @@ class Bench:
     duration : float
         Of a realisation [s].
     advanced : callable
-        Told of every design tried, for a progress bar.
+        Called with the agent's name at every design tried, for a progress bar.
     plant : StateSpace, optional
         What stands for the turbine where a controller in the blades' own frames asks for its Lyapunov equation: one
         frozen at an azimuth. Simulations are of the turning turbine all the same.
@@ -92,7 +92,9 @@ class Bench:
         model = self.model
         if free:
             freed = (
-                replace(flap, angle_limit=FREE * flap.angle_limit, rate_limit=FREE * flap.rate_limit)
+                replace(
+                    flap, angle_limit=STOPS_AWAY * flap.angle_limit, rate_limit=STOPS_AWAY * flap.rate_limit
+                )
                 for flap in model.flaps
             )
             model = replace(model, flaps=tuple(freed))
@@ -152,7 +154,7 @@ def _saturating(bench: Bench, name: str, on: DesignModel) -> Tuned:
             def design(weight: float, candidate: LQGCandidate = candidate) -> LinearController:
                 return lqg_agent(name, bench.model, _weights(candidate, weight), on)
 
-            weight = heaviest(bench, design)
+            weight = largest_weight(bench, design)
             yield design(weight), asdict(_weights(candidate, weight))
 
     return _least_rms(bench, designs())
@@ -205,7 +207,7 @@ def tune_individual(bench: Bench) -> Tuned:
             cyclic = PIDGains(gain, **asdict(candidate))
             return multiblade_pid_agent("individual_flap", bench.model, collective, cyclic)
 
-        gain = heaviest(bench, design, 1e-10, 1e-4)
+        gain = largest_weight(bench, design, 1e-10, 1e-4)
         numbers = {f"collective_{key}": value for key, value in asdict(collective).items()}
         numbers |= {
             f"cyclic_{key}": value for key, value in asdict(PIDGains(gain, **asdict(candidate))).items()
@@ -262,7 +264,7 @@ def _for_rms(bench: Bench, design: Design, angle: float, start: float) -> float 
     return float(np.exp(brentq(excess, low, high, xtol=1e-4)))
 
 
-def heaviest(bench: Bench, design: Design, lowest: float = 0.1, highest: float = 1e4) -> float:
+def largest_weight(bench: Bench, design: Design, lowest: float = 0.1, highest: float = 1e4) -> float:
     """The largest weight, to 3 %, at which the loop keeps the disk margin."""
     if not bench.robust(design(lowest)):
         raise ValueError(
@@ -289,14 +291,14 @@ def _least_rms(bench: Bench, designs: Iterable[tuple[LinearController, dict[str,
 
 def _tuned(bench: Bench, agent: LinearController, numbers: dict[str, float]) -> Tuned:
     """Numbers of the design with its margins and what it does behind the real stops."""
-    metrics, judged = bench.measure(agent), stability(bench.model, agent.system)
+    metrics, margins = bench.measure(agent), stability(bench.model, agent.system)
     return Tuned(
         agent,
         numbers
         | {
-            "spectral_radius": judged.spectral_radius,
+            "spectral_radius": margins.spectral_radius,
             "disk_margin": bench.disk_margin(agent),
-            "effectiveness_margin": min(judged.effectiveness_margin, LARGEST_EFFECTIVENESS),
+            "effectiveness_margin": min(margins.effectiveness_margin, LARGEST_EFFECTIVENESS),
             "tuning_rbm_rms": float(metrics.rbm_rms.mean()),
             "tuning_flap_angle_max": float(metrics.flap_angle_max.max()),
             "tuning_flap_rate_max": float(metrics.flap_rate_max.max()),

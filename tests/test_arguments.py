@@ -20,7 +20,6 @@ from flapgym.control import (
     closed_loop,
     growth_per_turn,
     pd_agent,
-    stability,
     stationary_rms,
 )
 from flapgym.control.margins import delay_margin, late_measurement
@@ -68,7 +67,6 @@ def _calls():
             (lambda: growth_per_turn(MODEL, CONTROLLER, 1), "growth_per_turn.turns"),
             (lambda: growth_per_turn(MODEL, CONTROLLER, 2.5), "growth_per_turn.turns"),
         ],
-        "stability": [(lambda: stability(MODEL, CONTROLLER, 0.0), "stability.tolerance")],
         "stationary_rms": [
             (
                 lambda: stationary_rms(MODEL, CONTROLLER, measurement_noise=-1.0),
@@ -231,7 +229,7 @@ def test_an_argument_without_meaning_is_refused_by_name(call, text):
 ELSEWHERE = {
     "tests/model/test_model_file.py": ("builtin_models", "load_model", "save_model"),
     "tests/control/test_agents.py": ("agent_design", "load_agent", "save_agent"),
-    "tests/control/test_time_step.py": ("balance", "design_model", "relative_error"),
+    "tests/control/test_time_step.py": ("balance", "design_model", "relative_error", "stability"),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
     "tests/evaluation/test_metrics.py": (
         "damage_equivalent_load",

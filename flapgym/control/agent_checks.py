@@ -1,4 +1,4 @@
-"""What every agent must hold to, wherever it comes from: the one door for headers and numbers.
+"""Checks of every agent, wherever it comes from: its header and its numbers.
 
 Each check returns the value in its canonical type, or raises a ValueError that begins with the field.
 """
@@ -25,23 +25,23 @@ _NAME = re.compile(r"\w(?:[\w +\-.,()%=]{0,58}[\w)%])?")
 
 
 @contextmanager
-def told_by(name: str) -> Iterator[None]:
+def error_prefix(name: str) -> Iterator[None]:
     """Put an agent's name, once, before what is wrong with it or with what it is given."""
     try:
         yield
     except ValueError as error:
-        told = f"agent {name}: "
-        raise ValueError(str(error) if str(error).startswith(told) else f"{told}{error}") from None
+        prefix = f"agent {name}: "
+        raise ValueError(str(error) if str(error).startswith(prefix) else f"{prefix}{error}") from None
 
 
 @contextmanager
-def naming(name: object) -> Iterator[None]:
+def named_errors(name: object) -> Iterator[None]:
     """Check an agent's name, and put it before what is wrong with the rest of it."""
     try:
         own = check_name(name)
     except ValueError as error:
         raise ValueError(f"agent: {error}") from None
-    with told_by(own):
+    with error_prefix(own):
         yield
 
 
@@ -102,7 +102,7 @@ def check_numbers(value: Any, field: str, dimensions: int) -> Array:
 
 def check_agent(agent: Agent, observable: Iterable[str]) -> None:
     """Refuse an agent of whatever class that no comparison could run."""
-    with naming(agent.name) if not isinstance(agent, OpenLoop) else nullcontext():
+    with named_errors(agent.name) if not isinstance(agent, OpenLoop) else nullcontext():
         check_names(agent.observe, observable, "observe")
         check_steps_per_action(agent.steps_per_action)
         check_hash(agent.model_hash)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from flapgym.control.agent import Agent, OpenLoop, check_time_step
-from flapgym.control.agent_checks import check_numbers, naming
+from flapgym.control.agent_checks import check_numbers, named_errors
 from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
 from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.policy import Policy
@@ -78,7 +78,7 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     path = _find(name, model)
     content = _read(path)
     try:
-        with naming(content["name"]):
+        with named_errors(content["name"]):
             return _policy(content) if content["kind"] == "policy" else _controller(content, model)
     except ValueError as error:
         raise ValueError(f"{error} (in {path})") from None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control.agent import Floats, by_blade
-from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
+from flapgym.control.agent_checks import check_hash, check_numbers, error_prefix, named_errors
 from flapgym.control.channels import BLADE
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace
@@ -22,7 +22,7 @@ CONTROLLER_OUTPUTS = BLADE.outputs
 class BladeController:
     """Three copies of a linear controller from a blade's own root bending moment and flap motion to its flap.
 
-    The flap angle and rate it reads are those after the stops. An observer inside therefore always knows what the flap
+    The flap angle and rate it reads are those after the stops. An observer inside therefore always has what the flap
     really did, which is all the anti-windup a saturating design needs.
 
     Parameters
@@ -51,7 +51,7 @@ class BladeController:
     _step: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        with naming(self.name):
+        with named_errors(self.name):
             self._check()
 
     def _check(self) -> None:
@@ -67,7 +67,7 @@ class BladeController:
         s = self.system
         if self.start.shape != (s.order, len(CONTROLLER_INPUTS)):
             raise ValueError(f"start: expected shape {(s.order, 3)}, got {self.start.shape}")
-        object.__setattr__(self, "_step", one_product(s, self.acceleration_limit))
+        object.__setattr__(self, "_step", step_matrix(s, self.acceleration_limit))
 
     @property
     def time_step(self) -> float:
@@ -82,11 +82,12 @@ class BladeController:
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
         """Action (..., 3) and next state (..., 3, order) for an observation (..., 9)."""
-        with told_by(self.name):
+        with error_prefix(self.name):
             measured = by_blade(observation, self.observe)
         order = self.system.order
         batch = measured.shape[:-2]
         if state is None:
+            # Not zero: the load found at the start would look like a sudden one.
             state = measured @ self.start.T
         elif episode_start is not None and np.any(episode_start):
             begins = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), batch or (1,))
@@ -96,7 +97,7 @@ class BladeController:
         return action, after[..., :order]
 
 
-def one_product(system: StateSpace, acceleration_limit: float) -> Array:
+def step_matrix(system: StateSpace, acceleration_limit: float) -> Array:
     """A controller's step as one matrix: [state, input] times it is [next state, action]."""
     return np.ascontiguousarray(
         np.vstack(

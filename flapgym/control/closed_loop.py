@@ -22,6 +22,8 @@ from flapgym.wind import von_karman_filter
 
 LARGEST_EFFECTIVENESS = 8.0
 """Where the search for the stability margin ends."""
+EFFECTIVENESS_TOLERANCE = 0.01
+"""To which that margin is found."""
 
 
 def closed_loop(
@@ -90,7 +92,7 @@ def require_model_step(name: str, system: StateSpace, model: TurbineModel) -> No
 
 
 def with_effectiveness(turbine: StateSpace, effectiveness: float) -> StateSpace:
-    """The turbine with all it feels of the flaps multiplied by `effectiveness`."""
+    """The turbine with every effect of the flaps on it multiplied by `effectiveness`."""
     factor = np.array([effectiveness if name.startswith("flap") else 1.0 for name in turbine.inputs])
     return replace(turbine, B=turbine.B * factor, D=turbine.D * factor)
 
@@ -105,10 +107,13 @@ def _in_frame(controller: StateSpace, model: TurbineModel, plant: StateSpace) ->
             f"closed_loop: a controller of {', '.join(own.named('rbm'))} has no time-invariant loop with a plant of "
             f"{', '.join(frame.named('rbm'))}"
         )
+    # A copy's state is turned on over a step, so A and B carry the rotation; what it reads and gives at one instant,
+    # C and D, is in the axes of that instant.
     turn = frame.turn(model.rotor_speed * model.time_step)
     each = np.eye(3)
     return StateSpace(
         A=np.asarray(np.kron(turn, controller.A)),
+        # Column by column, because the inputs stand signal by signal: three moments, three angles, three rates.
         B=np.hstack([np.kron(turn, column[:, None]) for column in controller.B.T]),
         C=np.asarray(np.kron(each, controller.C)),
         D=np.hstack([np.kron(each, column[:, None]) for column in controller.D.T]),
@@ -123,14 +128,20 @@ def flaps_loop(controller: StateSpace, turn: Array) -> StateSpace:
 
     States [angles, rates, controller].
     """
+    # The acceleration is held over a step, so the double integrator is exact: dt^2 / 2 and dt.
     dt, m = controller.time_step, controller.order
     to_rbm, to_flap = controller.B[:, :3], controller.B[:, 3:]
-    kick = np.kron([[0.5 * dt**2], [dt]], turn)
-    drift = np.kron([[1.0, dt], [0.0, 1.0]], turn)
-    a = np.block([[drift + kick @ controller.D[:, 3:], kick @ controller.C], [to_flap, controller.A]])
+    acceleration_input = np.kron([[0.5 * dt**2], [dt]], turn)
+    double_integrator = np.kron([[1.0, dt], [0.0, 1.0]], turn)
+    a = np.block(
+        [
+            [double_integrator + acceleration_input @ controller.D[:, 3:], acceleration_input @ controller.C],
+            [to_flap, controller.A],
+        ]
+    )
     return StateSpace(
         A=a,
-        B=np.vstack([kick @ controller.D[:, :3], to_rbm]),
+        B=np.vstack([acceleration_input @ controller.D[:, :3], to_rbm]),
         C=np.vstack([np.eye(6, m + 6), np.hstack([controller.D[:, 3:], controller.C])]),
         D=np.vstack([np.zeros((6, 3)), controller.D[:, :3]]),
         time_step=dt,
@@ -150,13 +161,12 @@ class Stability:
     effectiveness_margin: float
 
 
-def stability(model: TurbineModel, controller: StateSpace, tolerance: float = 0.01) -> Stability:
+def stability(model: TurbineModel, controller: StateSpace) -> Stability:
     """Spectral radius as designed, and the smallest factor above one on the flap's effect that destabilises.
 
-    The factor is bracketed in steps of 10 % and then bisected to `tolerance`; a loop that is stable again beyond an
+    The factor is bracketed in steps of 10 % and then bisected to 0.01; a loop that is stable again beyond an
     unstable band narrower than a step would be missed. Such a band cannot lie within the gains of the disk margin.
     """
-    Quantity("number", above=0.0).check(tolerance, "stability.tolerance")
     radius = closed_loop(model, controller).spectral_radius()
     if radius >= 1.0:
         return Stability(radius, 0.0)
@@ -167,7 +177,7 @@ def stability(model: TurbineModel, controller: StateSpace, tolerance: float = 0.
             break
     else:
         return Stability(radius, LARGEST_EFFECTIVENESS)
-    while high - low > tolerance:
+    while high - low > EFFECTIVENESS_TOLERANCE:
         middle = 0.5 * (low + high)
         stable = closed_loop(model, controller, middle).spectral_radius() < 1.0
         low, high = (middle, high) if stable else (low, middle)
@@ -192,6 +202,7 @@ def growth_per_turn(model: TurbineModel, controller: StateSpace, turns: int = 40
     turn = round(2.0 * np.pi / step)
     logs, taken = np.empty((turns, turn)), 0.0
     for n in range(turns * turn):
+        # Flaps in the blades' frames, turbine in components: to and fro by this step's azimuth.
         to_axes = to_components(np.eye(3), n * step).T
         flap = flaps.C[:6] @ y
         u = np.concatenate([to_axes @ flap[:3], to_axes @ flap[3:]])
@@ -256,11 +267,13 @@ def stationary_rms(
         system = closed_loop(model, controller, effectiveness, plant)
         noise = measurement_noise * np.sqrt(channels.noise)
     driven = series(wind, system)
-    drive = np.concatenate([[1.0], noise])
-    driven = replace(driven, B=driven.B * drive, D=driven.D * drive)
+    # The Lyapunov equation takes white inputs of unit variance.
+    intensity = np.concatenate([[1.0], noise])
+    driven = replace(driven, B=driven.B * intensity, D=driven.D * intensity)
     covariance = driven.stationary_covariance()
     output: Array = np.diag(driven.C @ covariance @ driven.C.T + driven.D @ driven.D.T)
     variance = dict(zip(driven.outputs, output, strict=True))
+    # The mean over blades: of components by their weights, of three blades by a third each.
     share = np.array(channels.weight) / (3.0 if channels == ROTOR else 1.0)
     result = {"wind": model.turbulence_intensity * model.wind_speed}
     signals = ["rbm", "tip_deflection"]

@@ -1,7 +1,7 @@
 """What a predictive controller minimises over its horizon, condensed: offsets from the regulator's own law.
 
-The flap's acceleration is a_k = -K z_k + f_k + d_k with K the LQG's regulator, f_k its answer to wind that is known in
-advance and d_k the offsets. With the Riccati matrix as terminal cost the LQG's cost over an infinite horizon is then
+The flap's acceleration is a_k = -K z_k + f_k + d_k with K the LQG's regulator, f_k its feedforward of wind known
+in advance and d_k the offsets. With the Riccati matrix as terminal cost the LQG's cost over an infinite horizon is then
 sum S d_k^2 and a constant (Kouvaritakis and Cannon 2016, the closed-loop paradigm): without an active stop the optimum
 is d = 0, the LQG itself, whatever the horizon and however the offsets are blocked. What is left to solve is the nearest
 point of a polytope.
@@ -19,8 +19,8 @@ from flapgym.core.state_space import StateSpace
 
 BLOCKS = (1, 1, 1, 1, 2, 2, 4, 4, 8, 8, 16, 16, 32, 32, 64)
 """Steps over which each offset is held: 192 steps, 1.3 s."""
-EVERY = ((16, 1), (48, 4), (192, 8))
-"""Steps up to which the stops are asked for, and how often: each of the first sixteen, and so on."""
+CONSTRAINED = ((16, 1), (48, 4), (192, 8))
+"""Steps up to which the stops are constraints, and how often: each of the first sixteen, and so on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Horizon:
     first_offset : float
         Acceleration now per unit of the first entry of d, which is scaled by the root of its block's length.
     from_state, from_wind, from_offsets : (rows, n + 2), (rows, M), (rows, blocks) float
-        Predicted accelerations, angles and rates at the instants asked for.
+        Predicted accelerations, angles and rates at the constrained instants.
     """
 
     gain: Array
@@ -63,35 +63,37 @@ def condense(
     n, steps, gain = a.shape[0], sum(blocks), regulator[0]
     closed = a - b @ regulator
     curvature = weights.acceleration + float(b[:, 0] @ cost @ b[:, 0])
-    drive = np.concatenate([design.G[:, 0], np.zeros(2)])
-    # f_k = -B' sum_j (closed')^(j - k) P G w_j / S, the answer to innovations from k on.
-    answers, adjoint = np.empty(preview), cost @ drive
-    for lead in range(preview):
-        answers[lead] = -(b[:, 0] @ adjoint) / curvature
+    noise_input = np.concatenate([design.G[:, 0], np.zeros(2)])
+    # f_k = -B' sum_j (closed')^(j - k) P G w_j / S, the feedforward of innovations from k on.
+    feedforward, adjoint = np.empty(preview), cost @ noise_input
+    for ahead in range(preview):
+        feedforward[ahead] = -(b[:, 0] @ adjoint) / curvature
         adjoint = closed.T @ adjoint
 
     lengths = np.array(blocks)
-    owner = np.repeat(np.arange(lengths.size), lengths)
+    block = np.repeat(np.arange(lengths.size), lengths)
+    # By the root of a block's length, so that |d|^2 is the cost whatever the blocks.
     unit = 1.0 / np.sqrt(lengths)
     # Sensitivities of the state to z, w and d side by side, marched over the horizon.
     total = n + preview + lengths.size
     state = np.hstack([np.eye(n), np.zeros((n, total - n))])
-    kept = _instants(steps)
+    constrained = _instants(steps)
     rows = []
     for k in range(steps):
-        own = np.zeros(total)
-        own[n + k : n + preview] = answers[: max(preview - k, 0)]
-        own[n + preview + owner[k]] = unit[owner[k]]
-        acceleration = own - gain @ state
+        added_acceleration = np.zeros(total)
+        added_acceleration[n + k : n + preview] = feedforward[: max(preview - k, 0)]
+        added_acceleration[n + preview + block[k]] = unit[block[k]]
+        acceleration = added_acceleration - gain @ state
+        # The acceleration at k moves the flap from k to k + 1: it is bounded with the motion it leads to.
         state = a @ state + b * acceleration
         if k < preview:
-            state[:, n + k] += drive
-        if k in kept:
+            state[:, n + k] += noise_input
+        if k in constrained:
             rows += [acceleration, state[-2].copy(), state[-1].copy()]
     table = np.array(rows)
     return Horizon(
         gain=gain,
-        preview_gain=answers,
+        preview_gain=feedforward,
         first_offset=float(unit[0]),
         from_state=table[:, :n],
         from_wind=table[:, n : n + preview],
@@ -101,7 +103,7 @@ def condense(
 
 def _instants(steps: int) -> frozenset[int]:
     instants, first = set(), 0
-    for last, every in EVERY:
+    for last, every in CONSTRAINED:
         instants |= set(range(first, min(last, steps), every))
         first = last
     return frozenset(instants | {steps - 1})
@@ -117,13 +119,14 @@ def innovations(filter_: StateSpace, steps: int) -> tuple[Array, Array]:
     from_output, from_state : (M, M), (M, n) float
         w = from_output y + from_state x_0.
     """
-    answer, free = np.empty(steps), np.empty((steps, filter_.order))
+    impulse, free_response = np.empty(steps), np.empty((steps, filter_.order))
     row = filter_.C[0]
     for k in range(steps):
-        answer[k] = row @ filter_.B[:, 0]
+        impulse[k] = row @ filter_.B[:, 0]
         row = row @ filter_.A
-        free[k] = row
+        free_response[k] = row
     lag = np.subtract.outer(np.arange(steps), np.arange(steps))
-    pulse = np.where(lag >= 0, answer[np.maximum(lag, 0)], 0.0) if steps else np.zeros((0, 0))
+    # Lower triangular with C B on the diagonal: w_0 moves y_1 and all that follow, never y_0.
+    pulse = np.where(lag >= 0, impulse[np.maximum(lag, 0)], 0.0) if steps else np.zeros((0, 0))
     inverse = np.linalg.inv(pulse)
-    return np.asarray(inverse), np.asarray(-inverse @ free)
+    return np.asarray(inverse), np.asarray(-inverse @ free_response)

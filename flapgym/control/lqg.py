@@ -37,7 +37,7 @@ class Weights:
     ----------
     rbm, flap_angle, acceleration : float
         Weights; the last two positive. Without a weight on the angle the optimum cancels slow gusts at no cost and
-        spends the stroke there.
+        spends the flap's range there.
     measurement_noise : float
         Rms of the noise the observer expects, as a fraction of the open-loop rms of the root bending moment.
     """
@@ -130,10 +130,10 @@ def design_model(
     unit = np.diag([*[model.flap_angle_limit] * m, *[model.flap_rate_limit] * m, *[1.0] * white])
     b, d = system.B @ unit, system.D @ unit / RBM_UNIT
     # White flap motion beside the turbulence: a state that only the flap excites needs a scale too.
-    spread = np.sqrt(np.diag(stationary_covariance(system.A, b)))
-    scale = np.where(spread > 1e-12 * spread.max(), spread, 1.0)
+    deviation = np.sqrt(np.diag(stationary_covariance(system.A, b)))
+    scale = np.where(deviation > 1e-12 * deviation.max(), deviation, 1.0)
     a, b, c = system.A * scale / scale[:, None], b / scale[:, None], system.C * scale / RBM_UNIT
-    refuse_beyond_reach(a, b[:, : 2 * m], c, model.time_step)
+    check_stabilisable_and_detectable(a, b[:, : 2 * m], c, model.time_step)
     return DesignModel(
         A=a,
         B=b[:, : 2 * m],
@@ -170,7 +170,7 @@ def lqg_agent(
     return kind(
         name,
         synthesise(design, weights),
-        first_estimate(design, weights),
+        initial_estimate(design, weights),
         model.acceleration_limit,
         model.hash,
     )
@@ -186,6 +186,7 @@ def synthesise(design: DesignModel, weights: Weights) -> StateSpace:
     n, m = design.A.shape[0], design.channels.count
     flap = flap_units(design)
     return StateSpace(
+        # No regulator in A: the flap's motion is measured, so the observer need not predict it from its own command.
         A=design.A - observer @ design.C,
         B=np.hstack([observer / RBM_UNIT, (design.B - observer @ design.D) @ flap]),
         C=-design.acceleration_limit * regulator[:, :n],
@@ -196,7 +197,7 @@ def synthesise(design: DesignModel, weights: Weights) -> StateSpace:
     )
 
 
-def first_estimate(design: DesignModel, weights: Weights) -> Array:
+def initial_estimate(design: DesignModel, weights: Weights) -> Array:
     """Controller state (n, 3 m) at the start of an episode, per unit of its first inputs [N m, rad, rad/s].
 
     The expectation in stationary turbulence given the first measurement: P C' (C P C' + H H' + R)^-1.
@@ -204,8 +205,9 @@ def first_estimate(design: DesignModel, weights: Weights) -> Array:
     seen = design.C @ stationary_covariance(design.A, design.G)
     innovation = seen @ design.C.T + design.H @ design.H.T + noise_covariance(design, weights)
     gain = np.linalg.solve(innovation, seen).T
-    seen_first = np.hstack([np.eye(design.channels.count) / RBM_UNIT, -design.D @ flap_units(design)])
-    return np.asarray(gain @ seen_first)
+    # y - D u: what the flaps do to the moment at once says nothing of the state.
+    measured = np.hstack([np.eye(design.channels.count) / RBM_UNIT, -design.D @ flap_units(design)])
+    return np.asarray(gain @ measured)
 
 
 def predictor_gain(design: DesignModel, weights: Weights) -> tuple[Array, Array]:
@@ -226,7 +228,9 @@ def regulator_gain(design: DesignModel, weights: Weights) -> tuple[Array, Array]
     """Regulator gain (m, n + 2 m) on [x, angles, rates] in units of their limits, and the cost matrix."""
     a, b, c = with_actuator(design)
     n, m = design.A.shape[0], design.channels.count
+    # A cyclic component's square counts half in the mean over blades.
     each = np.diag(design.channels.weight)
+    # The moment takes in D times the flap's motion, so the cost couples x with the actuator's states.
     q = weights.rbm * c.T @ each @ c
     q[n : n + m, n : n + m] += weights.flap_angle * each
     r = weights.acceleration * each
@@ -238,12 +242,17 @@ def with_actuator(design: DesignModel) -> tuple[Array, Array, Array]:
     """Matrices (A, B, C) of the design model driven by flap accelerations, states [x, angles, rates]."""
     n, m, dt = design.A.shape[0], design.channels.count, design.time_step
     rate, acceleration = design.rate_limit / design.angle_limit, design.acceleration_limit
+    # A flap that rests on its blade has other multi-blade components a step later: `turn` takes the old to the new.
     actuator = np.kron([[1.0, dt * rate], [0.0, 1.0]], design.turn)
     a = np.block([[design.A, design.B], [np.zeros((2 * m, n)), actuator]])
-    kick = np.array(
+    acceleration_input = np.array(
         [[0.5 * dt**2 * acceleration / design.angle_limit], [dt * acceleration / design.rate_limit]]
     )
-    return a, np.vstack([np.zeros((n, m)), np.kron(kick, design.turn)]), np.hstack([design.C, design.D])
+    return (
+        a,
+        np.vstack([np.zeros((n, m)), np.kron(acceleration_input, design.turn)]),
+        np.hstack([design.C, design.D]),
+    )
 
 
 def noise_covariance(design: DesignModel, weights: Weights) -> Array:
@@ -257,14 +266,15 @@ def flap_units(design: DesignModel) -> Array:
     return np.diag([*[1.0 / design.angle_limit] * m, *[1.0 / design.rate_limit] * m])
 
 
-def stationary_covariance(a: Array, drive: Array) -> Array:
-    """Covariance (n, n) of x+ = a x + drive w; a model that grows is slowed down until it has one."""
+def stationary_covariance(a: Array, noise_input: Array) -> Array:
+    """Covariance (n, n) of x+ = a x + noise_input w; a model that grows is slowed down until it has one."""
     radius = np.abs(np.linalg.eigvals(a)).max()
+    # Its only use is the scale of states and of a first estimate, for which the order of magnitude is enough.
     a = a * min(1.0, 0.999 / radius) if radius >= 1.0 else a
-    return np.asarray(scipy.linalg.solve_discrete_lyapunov(a, drive @ drive.T))
+    return np.asarray(scipy.linalg.solve_discrete_lyapunov(a, noise_input @ noise_input.T))
 
 
-def refuse_beyond_reach(a: Array, b: Array, c: Array, time_step: float) -> None:
+def check_stabilisable_and_detectable(a: Array, b: Array, c: Array, time_step: float) -> None:
     """Raise on a mode that does not decay and that the inputs cannot move, or the outputs do not show (Hautus)."""
     values = np.linalg.eigvals(a)
     for value in values[np.abs(values) >= 1.0]:
@@ -273,6 +283,7 @@ def refuse_beyond_reach(a: Array, b: Array, c: Array, time_step: float) -> None:
             ("unstabilisable: the flaps cannot move", np.hstack([shifted, b])),
             ("undetectable: the root bending moment does not show", np.vstack([shifted, c])),
         ):
+            # Of no full rank at this mode; relative, because the largest singular value sets the round-off.
             singular = np.linalg.svd(pencil, compute_uv=False)
             if singular[-1] < 1e-9 * singular[0]:
                 raise ValueError(f"design model: {kind} its {_named(value, time_step)}, which does not decay")

@@ -94,6 +94,7 @@ def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> 
         rbm, flap = controller.B[:, :m], controller.B[:, m:]
         controller = StateSpace(
             A=np.block([[controller.A, rbm], [np.zeros((m, n + m))]]),
+            # The axes turn on while a measurement waits; flap motion is read in time and passes by.
             B=np.block([[np.zeros((n, m)), flap], [turn, np.zeros((m, 2 * m))]]),
             C=np.hstack([controller.C, controller.D[:, :m]]),
             D=np.hstack([np.zeros((m, m)), controller.D[:, m:]]),

@@ -1,4 +1,4 @@
-"""Model predictive control that knows the flap's stops, on each blade; with or without a preview of the wind.
+"""Model predictive control with the flap's stops as constraints, on each blade; with or without a preview of the wind.
 
 While no stop is in sight it is the LQG of the same weights to rounding. Where one is, an active-set solver finds the
 nearest offsets that keep angle, rate and acceleration within their limits over the horizon (`flapgym.control.horizon`).
@@ -20,7 +20,7 @@ from flapgym.control.lqg import (
     DesignModel,
     Weights,
     design_model,
-    first_estimate,
+    initial_estimate,
     synthesise,
 )
 from flapgym.core.arrays import BLADES, Array
@@ -93,18 +93,19 @@ class PredictiveController:
         design = design_model(model)
         self.horizon = condense(design, weights, preview, blocks)
         self._solver = _solver(self.horizon.from_offsets)
-        self._start = first_estimate(design, weights)
+        self._start = initial_estimate(design, weights)
         self._limit, self.time_step = model.acceleration_limit, model.time_step
         self._order = design.A.shape[0]
-        self._product = self._one_product(model, design, weights)
+        self._step = self._step_matrix(model, design, weights)
 
-    def _one_product(self, model: TurbineModel, design: DesignModel, weights: Weights) -> Array:
+    def _step_matrix(self, model: TurbineModel, design: DesignModel, weights: Weights) -> Array:
         """[estimate, measured, coming wind] times it is [next estimate, LQG's action, rows of the horizon]."""
         h, observer, n = self.horizon, synthesise(design, weights), self._order
         wind = von_karman_filter(
             model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
         )
         output, state = innovations(wind, self.preview)
+        # Innovations from the filter's estimated state, the first of the scaled states, and the wind to come.
         known = np.zeros((self.preview, n + 3 + self.preview))
         known[:, : wind.order] = state * design.scale[: wind.order]
         known[:, n + 3 :] = output
@@ -114,15 +115,16 @@ class PredictiveController:
         after = np.hstack([observer.A, observer.B, np.zeros((n, self.preview))])
         if self.preview:
             after += design.G @ known[:1]
+        # Minus: u = -K z; the feedforward has its sign already (`condense`).
         action = h.preview_gain @ known - h.gain @ flap
         rows = h.from_state @ flap + h.from_wind @ known
         return np.ascontiguousarray(np.vstack([after, action, rows]).T)
 
     @property
     def unconstrained(self) -> StateSpace:
-        """The linear controller of a blade it is while no stop is in sight, the wind it is told being calm."""
+        """The linear controller of a blade it is while no stop is in sight, without previewed wind."""
         n = self._order
-        table = self._product[: n + len(CONTROLLER_INPUTS), : n + 1].T
+        table = self._step[: n + len(CONTROLLER_INPUTS), : n + 1].T
         return StateSpace(
             A=table[:n, :n],
             B=table[:n, n:],
@@ -156,7 +158,7 @@ class PredictiveController:
             begins = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), batch or (1,))
             state = np.where(begins.reshape(*batch, 1, 1), measured @ self._start.T, state)
         coming = np.broadcast_to(coming, (*batch, BLADES, self.preview))
-        after = np.concatenate([state, measured, coming], axis=-1) @ self._product
+        after = np.concatenate([state, measured, coming], axis=-1) @ self._step
         action, rows = after[..., n], after[..., n + 1 :]
         beyond = (np.abs(rows) > 1.0 + TOLERANCE).any(axis=-1)
         for index in np.argwhere(beyond):

@@ -57,6 +57,7 @@ def pd_controller(gains: PDGains, time_step: float) -> StateSpace:
     """
     keep = np.exp(-time_step / gains.filter_time)
     stiffness = gains.servo_frequency**2
+    # The slope is (M - M_f) / tau, whose M_f has the opposite sign: hence the plus in C and the minus in D.
     lead = gains.derivative_time / gains.filter_time
     return StateSpace(
         A=np.array([[keep]]),

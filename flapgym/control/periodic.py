@@ -27,8 +27,8 @@ RESOLUTION = 32
 """Intervals per revolution a second at the start of the search, besides those the open loop's own modes begin."""
 TOLERANCE = 1e-5
 """Of the margin, relative: between the frequencies looked at it is nowhere smaller by more than that."""
-BENT = 2.0
-"""How far the open loop may stray within an interval from where it begins, over how far off it ends."""
+CURVATURE_ALLOWANCE = 2.0
+"""Bound on the open loop's change within an interval, over its change from end to end; a straight line has one."""
 TURNS = np.array([0, 1, -1])
 """Revolutions a second by which the rotating frame sees the components 0, + and - faster."""
 
@@ -60,7 +60,7 @@ def periodic_disk_margin(
     if growth_per_turn(model, controller) >= 1.0:
         return DiskMargin(0.0, np.nan)
     loop = _LiftedLoop(model, controller, harmonics)
-    peak, frequency = _highest(loop)
+    peak, frequency = _peak(loop)
     # Of the harmonics the one that takes most part.
     worst = _difference(np.linalg.inv(loop(np.array([frequency]))))[0]
     share = np.abs(np.linalg.svd(worst)[2][0]).argmax() // 3 - harmonics
@@ -68,7 +68,7 @@ def periodic_disk_margin(
 
 
 class _LiftedLoop:
-    """1 - L at any frequencies, L from moments seen to moments answered, harmonic by harmonic."""
+    """1 - L at any frequencies, L from measured moments to the moments they cause, harmonic by harmonic."""
 
     def __init__(self, model: TurbineModel, controller: StateSpace, harmonics: int) -> None:
         turbine = model.turbine.select(MULTIBLADE.inputs[3:], MULTIBLADE.named("rbm"))
@@ -89,49 +89,51 @@ class _LiftedLoop:
         """
         own = [each.poles[np.abs(each.poles) > 0.5] for each in (self._turbine, self._flaps)]
         modes = np.angle(np.concatenate(own)) / (2.0 * np.pi * self._step)
-        reach = np.arange(self.orders[0] - 1, self.orders[-1] + 2)
-        seen = (modes[:, None] + self.turn * reach).ravel()
+        shifts = np.arange(self.orders[0] - 1, self.orders[-1] + 2)
+        shifted = (modes[:, None] + self.turn * shifts).ravel()
         highest = 0.5 / self._step
         even = np.arange(0.0, highest, self.turn / RESOLUTION)
-        inside = seen[(seen > 0.0) & (seen < highest)]
+        inside = shifted[(shifted > 0.0) & (shifted < highest)]
         return np.unique(np.concatenate([even, inside, [highest]]))
 
     def __call__(self, frequency: Array) -> Response:
         """(nf, m, m), three components for each harmonic."""
         count, first = self.orders.size, self.orders[0]
-        reach = np.arange(first - 1, self.orders[-1] + 2)
+        shifts = np.arange(first - 1, self.orders[-1] + 2)
         back = np.kron(np.eye(2), self._blades.conj().T)
-        motion = back @ self._at(self._flaps, frequency, reach) @ self._blades
-        asked = np.zeros((frequency.size, 2, 3 * count, 3 * count), dtype=complex)
-        for index, seen in enumerate(reach):
+        motion = back @ self._at(self._flaps, frequency, shifts) @ self._blades
+        # Rows and columns harmonic by harmonic, three components each; harmonics beyond the last are left out.
+        flap_motion = np.zeros((frequency.size, 2, 3 * count, 3 * count), dtype=complex)
+        for index, shift in enumerate(shifts):
             # What the rotor sees at one frequency are components at three frequencies of the tower's frame.
-            row = seen - TURNS - first
-            kept = np.flatnonzero((row >= 0) & (row < count))
-            place = 3 * row[kept] + kept
+            row = shift - TURNS - first
+            inside = np.flatnonzero((row >= 0) & (row < count))
+            place = 3 * row[inside] + inside
             one = motion[:, index].reshape(-1, 2, 3, 3)
-            asked[:, :, place[:, None], place] = one[:, :, kept[:, None], kept]
+            flap_motion[:, :, place[:, None], place] = one[:, :, inside[:, None], inside]
         back = np.kron(np.eye(2), np.linalg.inv(self._components))
-        answer = self._components @ self._at(self._turbine, frequency, self.orders) @ back
+        turbine = self._components @ self._at(self._turbine, frequency, self.orders) @ back
         result = np.tile(np.eye(3 * count, dtype=complex), (frequency.size, 1, 1))
         for row in range(count):
             here = slice(3 * row, 3 * row + 3)
-            result[:, here] -= answer[:, row, :, :3] @ asked[:, 0, here]
-            result[:, here] -= answer[:, row, :, 3:] @ asked[:, 1, here]
+            # Minus L; the measured moment comes with its own sign, the controller holds the feedback's.
+            result[:, here] -= turbine[:, row, :, :3] @ flap_motion[:, 0, here]
+            result[:, here] -= turbine[:, row, :, 3:] @ flap_motion[:, 1, here]
         return result
 
     def _at(self, transfer: TransferFunction, frequency: Array, orders: Indices) -> Response:
         """Response (nf, orders, ny, nu) at frequencies and what lies whole turns beside them, each asked for once."""
         # A turn further stands another frequency of an even grid, but for rounding.
-        asked = np.round(frequency[:, None] + self.turn * orders, 12)
-        unique, where = np.unique(asked, return_inverse=True)
+        frequencies = np.round(frequency[:, None] + self.turn * orders, 12)
+        unique, where = np.unique(frequencies, return_inverse=True)
         response = np.stack([transfer(z) for z in np.exp(2j * np.pi * unique * self._step)])
-        return np.asarray(response[where.reshape(asked.shape)])
+        return np.asarray(response[where.reshape(frequencies.shape)])
 
 
-def _highest(loop: _LiftedLoop) -> tuple[float, float]:
+def _peak(loop: _LiftedLoop) -> tuple[float, float]:
     """Largest singular value of S - T and its frequency [Hz], by halving every interval in which it may be larger.
 
-    Where 1 - L begins an interval at 1 / S and strays from there by E, |S E| <= q < 1, S changes by |S| q / (1 - q) at
+    Where 1 - L begins an interval at 1 / S and changes from there by E, |S E| <= q < 1, S changes by |S| q / (1 - q) at
     most. L has no modes but the open loop's, however narrow those of the closed loop are.
     """
     nodes = loop.starting_grid()
@@ -140,13 +142,13 @@ def _highest(loop: _LiftedLoop) -> tuple[float, float]:
     first, last = response[:-1], response[1:]
     best, at = 0.0, 0.0
     while begin.size:
-        seen = np.linalg.inv(first)
-        size = _norm(_difference(seen))
+        sensitivity = np.linalg.inv(first)
+        size = _norm(_difference(sensitivity))
         if size.max() > best:
             best, at = float(size.max()), float(begin[size.argmax()])
-        stray = BENT * _norm(seen @ (last - first))
+        change = CURVATURE_ALLOWANCE * _norm(sensitivity @ (last - first))
         with np.errstate(divide="ignore"):
-            bound = np.where(stray < 1.0, size + 2.0 * _norm(seen) * stray / (1.0 - stray), np.inf)
+            bound = np.where(change < 1.0, size + 2.0 * _norm(sensitivity) * change / (1.0 - change), np.inf)
         left = bound > (1.0 + TOLERANCE) * best
         begin, end, first, last = begin[left], end[left], first[left], last[left]
         middle = 0.5 * (begin + end)

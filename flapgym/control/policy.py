@@ -15,7 +15,7 @@ from flapgym.control.agent_checks import (
     check_names,
     check_numbers,
     check_steps_per_action,
-    naming,
+    named_errors,
 )
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.wording import shown
@@ -64,7 +64,7 @@ class Policy:
     model_hash: str | None = None
 
     def __post_init__(self) -> None:
-        with naming(self.name):
+        with named_errors(self.name):
             self._check()
 
     def _check(self) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control.agent import Floats, by_blade
-from flapgym.control.agent_checks import check_hash, check_numbers, naming, told_by
-from flapgym.control.blade_controller import CONTROLLER_INPUTS, one_product
+from flapgym.control.agent_checks import check_hash, check_numbers, error_prefix, named_errors
+from flapgym.control.blade_controller import CONTROLLER_INPUTS, step_matrix
 from flapgym.control.channels import MULTIBLADE, Channels, controller_channels
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.state_space import StateSpace
@@ -47,7 +47,7 @@ class RotorController:
     _step: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        with naming(self.name):
+        with named_errors(self.name):
             self._check()
 
     def _check(self) -> None:
@@ -68,7 +68,7 @@ class RotorController:
             raise ValueError(f"start: expected shape {(self.system.order, 9)}, got {self.start.shape}")
         azimuth = ("azimuth",) if channels == MULTIBLADE else ()
         object.__setattr__(self, "observe", (*CONTROLLER_INPUTS, *azimuth))
-        object.__setattr__(self, "_step", one_product(self.system, self.acceleration_limit))
+        object.__setattr__(self, "_step", step_matrix(self.system, self.acceleration_limit))
 
     @property
     def time_step(self) -> float:
@@ -90,7 +90,7 @@ class RotorController:
         """Action (..., 3) and next state (..., order) for an observation (..., 9), or (..., 11) with the azimuth."""
         values = np.asarray(observation)
         signals = 3 * BLADES
-        with told_by(self.name):
+        with error_prefix(self.name):
             blades = np.swapaxes(by_blade(values[..., :signals], CONTROLLER_INPUTS), -1, -2)
         turned = self.channels == MULTIBLADE
         if turned:

@@ -43,7 +43,7 @@ def write_together(contents: Mapping[str | os.PathLike[str], bytes]) -> None:
             for target, content in zip(targets, contents.values(), strict=True)
         ]
         # One rename is whole or not at all by itself; of several, those done are undone.
-        kept = [_kept(stack, target) for target in targets] if len(targets) > 1 else []
+        kept = [_backup(stack, target) for target in targets] if len(targets) > 1 else []
         try:
             for temporary, target in zip(written, targets, strict=True):
                 os.replace(temporary, target)
@@ -112,7 +112,7 @@ def _written(stack: contextlib.ExitStack, target: Path, content: bytes) -> Path:
     file = stack.enter_context(os.fdopen(handle, "wb"))
     stack.callback(temporary.unlink, missing_ok=True)
     # Who cleans up removes only what nobody holds; what was removed before it was held is made once more.
-    _hold(file)
+    _lock(file)
     if os.fstat(file.fileno()).st_nlink == 0:
         return _written(stack, target, content)
     with contextlib.suppress(FileNotFoundError):
@@ -129,14 +129,14 @@ def _written(stack: contextlib.ExitStack, target: Path, content: bytes) -> Path:
     return temporary
 
 
-def _kept(stack: contextlib.ExitStack, target: Path) -> Path | None:
+def _backup(stack: contextlib.ExitStack, target: Path) -> Path | None:
     """What is there now under a second name, or None if nothing is."""
     try:
         file = stack.enter_context(target.open("rb"))
     except FileNotFoundError:
         return None
     # Held before it has the name that who cleans up looks for; others may keep the same.
-    _hold(file, shared=True)
+    _lock(file, shared=True)
     second = target.parent / f"{PREFIX}{uuid.uuid4().hex}{SUFFIX}"
     try:
         os.link(target, second)
@@ -147,18 +147,18 @@ def _kept(stack: contextlib.ExitStack, target: Path) -> Path | None:
     with contextlib.suppress(FileNotFoundError):
         if os.path.samestat(os.fstat(file.fileno()), second.stat()):
             return second
-    return _kept(stack, target)
+    return _backup(stack, target)
 
 
 def _remove_leftovers(folder: Path) -> None:
     """Remove temporary files whose writers were killed: a lock ends with who holds it."""
     for left in folder.glob(f"{PREFIX}*{SUFFIX}"):
         with contextlib.suppress(OSError), open(left, "rb") as file:
-            _hold(file, wait=False)
+            _lock(file, wait=False)
             left.unlink()
 
 
-def _hold(file: Any, wait: bool = True, shared: bool = False) -> None:
+def _lock(file: Any, wait: bool = True, shared: bool = False) -> None:
     """Lock a file until it is closed, beside others or alone; where there are no such locks, no open file is removed.
 
     Raises

@@ -47,8 +47,8 @@ def run(parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None)
     arguments : sequence of str, optional
         By default the command line's.
     """
-    _listen()
-    deaf = usable_streams()
+    _restore_interrupt()
+    output_closed = usable_streams()
     try:
         options = parser.parse_args(arguments)
     except SystemExit as leaving:  # help is printed, or an argument refused
@@ -57,17 +57,17 @@ def run(parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None)
         return complain(parser.prog, f"interrupted; {KEPT}", INTERRUPTED)
     name = getattr(options, "program", parser.prog)
     try:
-        code = _through_the_door(name, options)
+        code = _check_then_work(name, options)
         sys.stdout.flush()
     except KeyboardInterrupt:
         return complain(name, f"interrupted; {getattr(options, 'kept', KEPT)}", INTERRUPTED)
     except BrokenPipeError:  # the reader has seen enough
-        _drop(sys.stdout)
+        _discard(sys.stdout)
         return NOT_WRITTEN
     except OSError as error:
-        _drop(sys.stdout)
+        _discard(sys.stdout)
         return complain(name, error, NOT_WRITTEN)
-    if deaf and code == 0:
+    if output_closed and code == 0:
         return complain(name, "done, but standard output is closed: nothing was shown", NOT_WRITTEN)
     return code
 
@@ -77,7 +77,7 @@ def complain(name: str, reason: object, code: int) -> int:
     try:
         print(f"{name}: {one_line(reason)}", file=sys.stderr, flush=True)
     except (OSError, ValueError):
-        _drop(sys.stderr)
+        _discard(sys.stderr)
     return code
 
 
@@ -119,14 +119,14 @@ def usable_streams() -> bool:
     A closed stream's number would be given to the next file that is opened, a model perhaps; a stream of few characters
     gets escapes for the others.
     """
-    deaf = sys.stdout is None
+    output_closed = sys.stdout is None
     for name in ("stdout", "stderr"):
         stream: Any = getattr(sys, name)
         if stream is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (for the program's life)
         elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    return deaf
+    return output_closed
 
 
 def leave_at_interrupt(name: str) -> None:
@@ -137,7 +137,7 @@ def leave_at_interrupt(name: str) -> None:
     def leave(number: int, frame: Any) -> NoReturn:
         raise SystemExit(complain(name, "interrupted; nothing was begun", INTERRUPTED))
 
-    _listeners.add(leave)
+    _interrupt_handlers.add(leave)
     signal.signal(signal.SIGINT, leave)
 
 
@@ -147,16 +147,16 @@ def leave_programs_at_interrupt(package: str) -> None:
         leave_at_interrupt(next((each for each in sys.orig_argv if each.startswith(f"{package}.")), package))
 
 
-_listeners: set[Any] = set()
+_interrupt_handlers: set[Any] = set()
 
 
-def _listen() -> None:
+def _restore_interrupt() -> None:
     """Let Ctrl-C raise KeyboardInterrupt again."""
-    if signal.getsignal(signal.SIGINT) in _listeners:
+    if signal.getsignal(signal.SIGINT) in _interrupt_handlers:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _through_the_door(name: str, options: argparse.Namespace) -> int:
+def _check_then_work(name: str, options: argparse.Namespace) -> int:
     try:
         work = options.door(options)
     except (ValueError, ImportError, OSError) as error:
@@ -167,7 +167,7 @@ def _through_the_door(name: str, options: argparse.Namespace) -> int:
         return complain(name, error, REFUSED)
 
 
-def _drop(stream: TextIO) -> None:
+def _discard(stream: TextIO) -> None:
     """Let nothing that is left in a stream's buffer be written at exit, where it would fail once more."""
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -132,11 +132,11 @@ class StateSpace:
                 raise ValueError(
                     f"state_space.simulate.{name}: expected finite numbers of shape {shape}, got {shown(value)}"
                 )
-        drive = u @ self.B.T
+        forcing = u @ self.B.T
         states = np.empty((u.shape[0], self.order))
         for n in range(u.shape[0]):
             states[n] = x
-            x = self.A @ x + drive[n]
+            x = self.A @ x + forcing[n]
         return np.asarray(states @ self.C.T + u @ self.D.T)
 
 
@@ -172,7 +172,7 @@ def delayed(system: StateSpace) -> StateSpace:
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
-    """Second driven by first: first's outputs feed the inputs of second that bear the same names.
+    """Second driven by first: first's outputs are the inputs of second that bear the same names.
 
     Inputs of second that first does not provide stay inputs, after those of first. Outputs are second's.
 
@@ -182,16 +182,16 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
         If the time steps differ, or an output of first is no input of second.
     """
     require_time_step("series.second.time_step", second.time_step, first.time_step, "the first system's")
-    fed = second.select(inputs=first.outputs)
-    free = second.select(inputs=[name for name in second.inputs if name not in first.outputs])
+    driven = second.select(inputs=first.outputs)
+    remaining = second.select(inputs=[name for name in second.inputs if name not in first.outputs])
     n1, n2 = first.order, second.order
     return StateSpace(
-        A=np.block([[first.A, np.zeros((n1, n2))], [fed.B @ first.C, second.A]]),
-        B=np.block([[first.B, np.zeros((n1, len(free.inputs)))], [fed.B @ first.D, free.B]]),
-        C=np.hstack([fed.D @ first.C, second.C]),
-        D=np.hstack([fed.D @ first.D, free.D]),
+        A=np.block([[first.A, np.zeros((n1, n2))], [driven.B @ first.C, second.A]]),
+        B=np.block([[first.B, np.zeros((n1, len(remaining.inputs)))], [driven.B @ first.D, remaining.B]]),
+        C=np.hstack([driven.D @ first.C, second.C]),
+        D=np.hstack([driven.D @ first.D, remaining.D]),
         time_step=first.time_step,
-        inputs=first.inputs + free.inputs,
+        inputs=first.inputs + remaining.inputs,
         outputs=second.outputs,
     )
 

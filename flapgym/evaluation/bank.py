@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flapgym.control import BladeController, RotorController
 from flapgym.control.agent import by_blade
-from flapgym.control.blade_controller import CONTROLLER_INPUTS, one_product
+from flapgym.control.blade_controller import CONTROLLER_INPUTS, step_matrix
 from flapgym.control.channels import MULTIBLADE
 from flapgym.core.arrays import BLADES, Array
 from flapgym.model.multiblade import to_blades, to_components
@@ -38,7 +38,7 @@ class LinearBank:
         self._step = np.zeros((self._count, *size))
         self._start = np.zeros((self._count, len(first.inputs), order))
         for index, agent in enumerate(agents):
-            own, product = agent.system.order, one_product(agent.system, agent.acceleration_limit)
+            own, product = agent.system.order, step_matrix(agent.system, agent.acceleration_limit)
             rows = np.r_[:own, order : size[0]]
             columns = np.r_[:own, order : size[1]]
             self._step[index][np.ix_(rows, columns)] = product

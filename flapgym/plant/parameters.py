@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flapgym.core.arrays import BLADES, Array, FloatArray
+from flapgym.core.arrays import BLADES, Array, FloatArray, IntArray
 from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.actuator import Faults, deviations, free_motion, lag_constants
@@ -107,7 +107,7 @@ class Episode(NamedTuple):
 
     azimuth: Array
     responses: FloatArray
-    place: np.ndarray
+    place: IntArray
     level: Array
 
 
@@ -124,7 +124,7 @@ class State(NamedTuple):
         Of the response to the flaps, real parts first.
     """
 
-    elapsed: np.ndarray
+    elapsed: IntArray
     flaps: Array
     modes: FloatArray
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Choice, FilePath, Kind, OrNone, Quantity, check_fields
-from flapgym.core.fields import is_number as is_number  # the environments ask for it here
 from flapgym.core.wording import number
 from flapgym.wind.recording import WindSeries, read_wind
 

@@ -44,11 +44,11 @@ def realise(
     values, vectors = np.linalg.eig(shaping_filter.A)
     root = _square_root(shaping_filter.stationary_covariance())
     start = np.linalg.solve(vectors, root @ white[:, :order].T)
-    drive = np.linalg.solve(vectors, shaping_filter.B[:, 0])
+    noise_gain = np.linalg.solve(vectors, shaping_filter.B[:, 0])
     output = shaping_filter.C[0] @ vectors
     wind = shaping_filter.D[0, 0] * white[:, order:].astype(values.dtype)
     for mode, value in enumerate(values):
-        past = np.hstack([start[mode][:, None], drive[mode] * white[:, order:-1]])
+        past = np.hstack([start[mode][:, None], noise_gain[mode] * white[:, order:-1]])
         wind = wind + output[mode] * lfilter([1.0], [1.0, -value], past, axis=1)
     return np.ascontiguousarray(wind.real)
 

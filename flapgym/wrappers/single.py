@@ -21,12 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 from flapgym.control import load_agent
 from flapgym.control.agent import Agent, Floats, check_time_step
 from flapgym.core.arrays import BLADES, Array
+from flapgym.core.fields import is_number
 from flapgym.core.wording import shown
 from flapgym.envs.actions import numbers
 from flapgym.envs.spec import plain
 from flapgym.envs.states import checked_numbers, checked_observation, read_entry
 from flapgym.envs.task import TURBINE_ONLY
-from flapgym.wind.gusts import is_number
 from flapgym.wrappers.servo import RotorServo, Servo
 
 Observation = NDArray[np.float32]

@@ -10,7 +10,7 @@ from baselines import tune, tuning
 from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning, load_tuning
 from baselines.tuning import (
     Bench,
-    heaviest,
+    largest_weight,
     meet_the_stops,
     tune_individual,
     tune_lqg,
@@ -55,7 +55,7 @@ def test_the_saturating_design_is_as_heavy_as_the_disk_margin_allows():
     def design(weight):
         return lqg_agent("lqg", MODEL, Weights(weight, 1.0, 1e-5, 0.002))
 
-    weight = heaviest(bench, design, highest=1e6)
+    weight = largest_weight(bench, design, highest=1e6)
     assert disk_margin(MODEL, design(weight).system).alpha >= 1.2
     assert disk_margin(MODEL, design(1.1 * weight).system).alpha < 1.2
 

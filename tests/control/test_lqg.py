@@ -10,7 +10,7 @@ from flapgym.control.lqg import (
     RBM_UNIT,
     Weights,
     design_model,
-    first_estimate,
+    initial_estimate,
     predictor_gain,
     regulator_gain,
     synthesise,
@@ -76,7 +76,7 @@ def test_leaving_out_the_cross_covariance_predicts_worse(design_with_feedthrough
 
 def test_the_first_estimate_leaves_an_error_that_the_measurement_does_not_explain(design_with_feedthrough):
     d = design_with_feedthrough
-    gain = first_estimate(d, WEIGHTS)[:, :1] * RBM_UNIT
+    gain = initial_estimate(d, WEIGHTS)[:, :1] * RBM_UNIT
     stationary = scipy.linalg.solve_discrete_lyapunov(d.A, d.G @ d.G.T)
     measured = d.C @ stationary @ d.C.T + d.H @ d.H.T + _noise(d)
     np.testing.assert_allclose(gain @ measured, stationary @ d.C.T, atol=1e-10)

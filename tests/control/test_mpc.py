@@ -67,7 +67,7 @@ def _first_action(horizon, z, w):
 
 def _case(preview, size, monkeypatch):
     """A programme with every step's stops and offsets, and a state and coming wind to solve it for."""
-    monkeypatch.setattr("flapgym.control.horizon.EVERY", ((STEPS, 1),))
+    monkeypatch.setattr("flapgym.control.horizon.CONSTRAINED", ((STEPS, 1),))
     design = design_model(MODEL)
     rng = np.random.default_rng(3)
     z = size * np.concatenate([rng.standard_normal(design.A.shape[0]), [0.2, 0.15]])

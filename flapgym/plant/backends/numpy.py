@@ -30,7 +30,7 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     """
     p, n = parameters, len(state.elapsed)
     azimuth = episode.azimuth + p.turn * p.steps * state.elapsed
-    command = (np.clip(actions, -1.0, 1.0) * p.acceleration).T
+    command: Array = np.clip(np.asarray(actions, dtype=float), -1.0, 1.0).T * p.acceleration[:, None]
     motion, rate_lost, jumps, stopped = move(p, state.flaps, command)
     start = [state.flaps[0], state.flaps[1], command, *([state.flaps[2]] if p.lag_gain else [])]
     given = _components(p, np.stack(start), azimuth)

@@ -27,6 +27,7 @@ from flapgym.aeroelastic.interaction import (
     velocity_downwash,
 )
 from flapgym.aeroelastic.lattice_motion import lattice_motion, mode_downwash, segment_motion
+from flapgym.aeroelastic.stations import cuts
 from flapgym.core.arrays import Array
 from flapgym.core.wording import number
 from flapgym.reduction import ReducedSystem, balanced_reduction
@@ -47,8 +48,9 @@ class BladeLattice:
     downwash : (p, 2 m + 8 + 2 flaps + strips) float
         Downwash at the collocation points per unit input: mode rates (m), modes (m), hub velocity (6), hub
         rotation about y and z (2), flap angles, flap rates, gust in each spanwise strip.
-    load : (m + 6, 3 P) float
-        Generalised force on the modes, and force and moment on the hub apex, per unit panel force.
+    load : (m + 6 + k, 3 P) float
+        Generalised force on the modes, force and moment on the hub apex, and what the panels add to the moments at the
+        k stations that the case asks for, per unit panel force.
     modes, flaps, strips : int
         m and the numbers of flaps and of strips.
     convected : bool
@@ -77,6 +79,11 @@ class BladeLattice:
         return np.hstack([eye[:, bounds[i] : bounds[i + 1]] for i in map(groups.index, names)])
 
     @property
+    def on_structure(self) -> Array:
+        """Which of the loads act on the structure, (m + 6, m + 6 + k): those at stations are there to be told alone."""
+        return np.eye(self.modes + 6, len(self.load))
+
+    @property
     def motion_inputs(self) -> tuple[Array, Array]:
         """Inputs per held position and per rate of the modes and the hub motion (u, phi), each (nu, m + 6)."""
         unfelt = np.zeros((self.downwash.shape[1], 4))  # translations, and turning about the shaft
@@ -93,7 +100,10 @@ def blade_lattice(
     the sections' camber enters the mean load only.
     """
     force_displacement, _ = interpolation(blade, aero.force_point)
+    virtual = np.array([cut.work for cut in cuts(case, blade)]).reshape(-1, len(shape)).T
     load = np.vstack([(force_displacement @ shape).T, rigid_displacement(aero.force_point).T])
+    if virtual.size:
+        load = np.vstack([load, (force_displacement @ virtual).T])
     modes, sizes = shape.shape[1], (shape.shape[1], len(case.flaps), aero.lattice.strips)
     convected = case.discretisation.gust == "convected"
     if flow is None or case.airloads.linearisation == "mean flow":
@@ -105,7 +115,7 @@ def blade_lattice(
     motion = lattice_motion(case, blade, shape, flow)
     full = full_loads(aero, flow, segment_motion(case, aero, motion), load)
     direct = full.direct.copy()
-    direct[:, modes : 2 * modes] += following_moments(blade, flow.loads, shape)
+    direct[:, modes : 2 * modes] += following_moments(blade, flow.loads, shape, virtual)
     full = replace(full, direct=direct)
     downwash = _downwash(case, aero, *mode_downwash(aero, case.rotor_speed, motion))
     return BladeLattice(downwash, load, *sizes, convected, full)

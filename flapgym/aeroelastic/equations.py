@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from flapgym.aerodynamics import MeanFlow
 from flapgym.aeroelastic.blade_lattice import BladeLattice
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, turbine_structure
 from flapgym.aeroelastic.periodic import PeriodicEquations
+from flapgym.aeroelastic.stations import FLAPWISE, cut_at, nodes_beside, station_shares
 from flapgym.core.arrays import Array
 from flapgym.model.multiblade import WORK_WEIGHTS, hub_components
 from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, turbine_inputs, turbine_outputs
@@ -20,9 +21,6 @@ from flapgym.structure import LinearBlade, LinearSupport
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
 from flapgym.turbine.case import BLADE_LOADS, TOWER_LOADS
-
-# In-plane axis of the coned, untwisted blade root, about which a load downwind turns positively.
-FLAPWISE = np.array([0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +96,12 @@ def turbine_equations(parts: Parts) -> Equations:
             ]
         ),
     )
-    motion = T, rate, acceleration
+    motion, acting = (T, rate, acceleration), np.kron(three, lattice.on_structure)
+    structure = replace(structure, work=structure.work @ acting)
     further = parts.case.signals.further
     tower = np.hstack([np.zeros((2, 3 * m)), (parts.support.tower_top @ support_shape)[:2]])
     outputs = [
-        summed_load(root_moment(parts.blade, m), own, *motion),
+        summed_load(root_load(parts, own), *motion),
         _positions(np.kron(three, tip_deflection(parts.case, parts.shape)) @ T, structure),
         _positions(tower, structure),
         *(_further_output(parts, name, own, motion, structure) for name, _ in further),
@@ -125,12 +124,14 @@ def _further_output(
     motion: tuple[Array, Array, Array],
     structure: SecondOrder,
 ) -> Output:
-    """An output that the case asks for by name; ``own`` and ``motion`` as for ``summed_load``."""
+    """An output that the case asks for by name; ``own`` is of the blade, ``motion`` as for ``summed_load``."""
     if name in TOWER_LOADS:
         return _tower_base(parts, TOWER_LOADS.index(name))
     if name in BLADE_LOADS:
-        return summed_load(root_moment(parts.blade, parts.lattice.modes, edgewise(parts.case)), own, *motion)
+        return summed_load(root_load(parts, own, edgewise(parts.case)), *motion)
     share = int(name.rpartition("_")[2]) / 100.0
+    if name.startswith("flapwise_moment"):
+        return summed_load(station_load(parts, own, share), *motion)
     return _positions(np.kron(np.eye(3), deflection(parts, share)) @ motion[0], structure)
 
 
@@ -151,7 +152,7 @@ def _tower_base(parts: Parts, side: int) -> Output:
         acceleration=-structure.mass[rows, columns],
         velocity=-structure.damping[rows, columns],
         position=-structure.stiffness[rows, columns],
-        load=structure.work[rows],
+        load=structure.work[rows] @ np.kron(np.eye(3), parts.lattice.on_structure),
     )
 
 
@@ -177,21 +178,56 @@ def blade_components(parts: Parts, support_shape: Array) -> Array:
     return components
 
 
-def summed_load(
-    row: Array, own: tuple[Array, Array, Array], T: Array, rate: Array, acceleration: Array
-) -> Output:
-    """Air's load less inertia on each blade, taken out by a row (1, m + 6), in multi-blade components.
+@dataclass(frozen=True, eq=False)
+class BladeLoad:
+    """A load of one blade, by force summation: the air's less what the blade's motion resists with.
 
-    ``own`` are the blade's matrices, T, ``rate`` and ``acceleration`` those of ``turbine_structure``.
+    Attributes
+    ----------
+    air : (1, ny) float
+        Per output of the blade's lattice.
+    mass, damping, stiffness : (1, m + 6) float
+        Per acceleration, rate and position of its modes and its hub.
     """
-    three = np.eye(3)
-    rows = np.asarray(np.kron(three, row))
-    mass, damping, stiffness = (np.kron(three, matrix) for matrix in own)
+
+    air: Array
+    mass: Array
+    damping: Array
+    stiffness: Array
+
+
+def root_load(parts: Parts, own: tuple[Array, Array, Array], axis: Array = FLAPWISE) -> BladeLoad:
+    """The root moment about an axis (3,) in S; ``own`` are ``modal_blade_matrices``."""
+    row = root_moment(parts.blade, parts.lattice.modes, axis)
+    return BladeLoad(row @ parts.lattice.on_structure, *(row @ matrix for matrix in own))
+
+
+def station_load(parts: Parts, own: tuple[Array, Array, Array], share: float) -> BladeLoad:
+    """The flapwise moment at a share of the blade's length."""
+    root, blade, shape = root_load(parts, own), parts.blade, parts.shape
+    if not share:
+        return root
+    cut = cut_at(parts.case, blade, share)
+    # Its own output of the lattice, after those on the structure.
+    place = parts.lattice.modes + 6 + station_shares(parts.case).index(share)
+    return BladeLoad(
+        air=cut.root * root.air + np.eye(1, root.air.shape[1], place),
+        mass=cut.root * root.mass + np.append(cut.work @ blade.mass @ shape, cut.work @ blade.mass_sr),
+        damping=cut.root * root.damping
+        + np.append(cut.work @ blade.damping @ shape, cut.work @ blade.damping_sr),
+        stiffness=cut.root * root.stiffness + np.append(cut.stiffness @ shape, np.zeros(6)),
+    )
+
+
+def summed_load(load: BladeLoad, T: Array, rate: Array, acceleration: Array) -> Output:
+    """A load of each blade in multi-blade components; T, ``rate`` and ``acceleration`` of ``turbine_structure``."""
+    rows = (np.kron(np.eye(3), row) for row in (load.mass, load.damping, load.stiffness))
+    mass, damping, stiffness = (np.asarray(row) for row in rows)
     return Output(
-        acceleration=-rows @ mass @ T,
-        velocity=-rows @ (mass @ acceleration[0] + damping @ T),
-        position=-rows @ (mass @ acceleration[1] + damping @ rate + stiffness @ T),
-        load=rows,
+        acceleration=-mass @ T,
+        velocity=-(mass @ acceleration[0] + damping @ T),
+        position=-(mass @ acceleration[1] + damping @ rate + stiffness @ T),
+        load=np.asarray(np.kron(np.eye(3), load.air)),
     )
 
 
@@ -205,7 +241,7 @@ def blade_equations(parts: Parts) -> Equations:
     tip = tip_deflection(parts.case, parts.shape)
     still = np.zeros((1, m))
     return Equations(
-        SecondOrder(mass[:m], damping[:m], stiffness[:m], work=clamp.T),
+        SecondOrder(mass[:m], damping[:m], stiffness[:m], work=clamp.T @ lattice.on_structure),
         LatticeInput(
             position=lattice.select("mode"),
             velocity=lattice.select("mode_rate"),
@@ -220,7 +256,7 @@ def blade_equations(parts: Parts) -> Equations:
             acceleration=np.vstack([-root @ mass, still]),
             velocity=np.vstack([-root @ damping, still]),
             position=np.vstack([-root @ stiffness, tip @ clamp]),
-            load=np.vstack([root, np.zeros_like(root)]),
+            load=np.vstack([root, np.zeros_like(root)]) @ lattice.on_structure,
         ),
         blade_inputs(lattice.flaps),
         BLADE_OUTPUTS,
@@ -263,7 +299,7 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
         tower_top=(mean.support.tower_top @ support_shape)[:2],
         held=asked(lambda own: own.lattice.motion_inputs[0]),
         moving=asked(lambda own: own.lattice.motion_inputs[1]),
-        felt=np.stack([np.kron(slot[None], np.eye(modes + 6)) for slot in slots]),
+        felt=np.stack([np.kron(slot[None], mean.lattice.on_structure) for slot in slots]),
         flap_angle=flaps("flap_angle"),
         flap_rate=flaps("flap_rate"),
         gust=asked(lambda own: own.lattice.select("gust")),
@@ -320,11 +356,10 @@ def edgewise(case: Case) -> Array:
 
 def deflection(parts: Parts, share: float) -> Array:
     """Row (1, m + 6) for the deflection at a share of the blade's length, linear between the nodes beside it."""
-    radius = parts.case.turbine.blade_sections(parts.case.discretisation.blade_elements).radius
-    at = float(np.interp(share, (radius - radius[0]) / (radius[-1] - radius[0]), np.arange(len(radius))))
-    inner = min(int(at), len(radius) - 2)
-    clamped = np.vstack([np.zeros((6, parts.shape.shape[1])), parts.shape]).reshape(len(radius), 6, -1)
-    between = (inner + 1 - at) * clamped[inner] + (at - inner) * clamped[inner + 1]
+    clamped = np.vstack([np.zeros((6, parts.shape.shape[1])), parts.shape]).reshape(
+        -1, 6, parts.shape.shape[1]
+    )
+    between = sum(weight * clamped[node] for node, weight in nodes_beside(parts.case, share))
     return tip_deflection(parts.case, between)
 
 

@@ -68,22 +68,24 @@ def _nearest_station(blade: LinearBlade, point: Array) -> tuple[NDArray[np.int64
     return element, outer, (1.0 - outer)[:, None] * node[element] + outer[:, None] * node[element + 1]
 
 
-def following_moments(blade: LinearBlade, loads: MeanLoads, shape: Array) -> Array:
-    """Loads (m + 6, m) of mean forces and moments that turn with the sections they act on, per unit of the modes.
+def following_moments(blade: LinearBlade, loads: MeanLoads, shape: Array, virtual: Array) -> Array:
+    """Loads (m + 6 + k, m) of mean forces and moments that turn with the sections they act on, per unit of the modes.
 
     The structure holds the trim's nodal forces and moments for dead. But a force's point of attack turns about the
     beam's axis, by (theta x arm) x F, and a section's pitching moment turns with its span, by theta x M: small terms,
-    which a complete linearisation has. Rows: the modes ``shape`` (6 n, m), then force and moment on the hub apex.
+    which a complete linearisation has. Rows: the modes ``shape`` (6 n, m), force and moment on the hub apex, and the
+    work on ``virtual`` (6 n, k) displacements of the nodes.
     """
     modes = shape.shape[1]
-    out = np.zeros((modes + 6, modes))
+    out = np.zeros((modes + 6 + virtual.shape[1], modes))
     for points, mean, arms in (
         (loads.force_point, loads.force, True),
         (loads.couple_point, loads.couple, False),
     ):
         if not len(points):
             continue
-        turning = interpolation(blade, points)[1] @ shape
+        rotation = interpolation(blade, points)[1]
+        turning = rotation @ shape
         turn = turning.reshape(-1, 3, modes)
         if arms:
             arm = points - _nearest_station(blade, points)[2]
@@ -91,7 +93,8 @@ def following_moments(blade: LinearBlade, loads: MeanLoads, shape: Array) -> Arr
         else:
             moment = np.einsum("pij,pjm->pim", -hat(mean), turn)
         out[:modes] += turning.T @ moment.reshape(-1, modes)
-        out[-3:] += moment.sum(axis=0)
+        out[modes + 3 : modes + 6] += moment.sum(axis=0)
+        out[modes + 6 :] += (rotation @ virtual).T @ moment.reshape(-1, modes)
     return out
 
 

@@ -251,8 +251,8 @@ BLADE_LOADS = ("rbm_edge",)
 """Further loads of each blade that a model may tell."""
 TOWER_LOADS = ("tower_base_fore_aft", "tower_base_side_side")
 """Further loads of the tower."""
-STATION = r"deflection_(\d|[1-9]\d|100)"
-"""Deflection of each blade at a station, whole percent of its length from the root."""
+STATION = r"(deflection_(\d|[1-9]\d|100)|flapwise_moment_(\d|[1-9]\d))"
+"""Deflection and moment of each blade at a station, whole percent of its length from the root."""
 
 
 @dataclass(frozen=True)
@@ -264,7 +264,7 @@ class Signals:
     wind : "homogeneous" or "by strip"
         Whether the wind in each strip of each blade is an input, too, for a wind that differs over the rotor.
     outputs : tuple of str
-        Of ``BLADE_LOADS``, ``TOWER_LOADS`` and deflections by ``STATION``: in this order after the others.
+        Of ``BLADE_LOADS``, ``TOWER_LOADS`` and those by ``STATION``: in this order after the others.
     """
 
     wind: Annotated[Literal["homogeneous", "by strip"], Choice(("homogeneous", "by strip"))] = "homogeneous"
@@ -272,7 +272,7 @@ class Signals:
         tuple[str, ...],
         Words(
             (*BLADE_LOADS, *TOWER_LOADS, STATION),
-            f"{', '.join((*BLADE_LOADS, *TOWER_LOADS))} or deflection_N at N percent of the blade",
+            f"{', '.join((*BLADE_LOADS, *TOWER_LOADS))}, deflection_N or flapwise_moment_N at N percent of the blade",
         ),
     ] = ()
 

@@ -6,7 +6,9 @@ import multiprocessing
 import signal
 import sys
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing.pool import Pool
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -78,15 +80,40 @@ def worked(
     """
     # Started anew, not forked: a fork would copy the locks of numerical libraries in whatever state they are.
     spawn = multiprocessing.get_context("spawn")
-    pool = spawn.Pool(min(processes, len(jobs)), _begin, (model, folder, realisations, quick))
+    pool: Pool | None = None
     try:
+        with _undisturbed():
+            pool = spawn.Pool(min(processes, len(jobs)), _begin, (model, folder, realisations, quick))
         yield from pool.imap_unordered(_do, jobs)
         pool.close()
     except BaseException:
-        pool.terminate()
+        if pool is not None:
+            pool.terminate()
         raise
     finally:
-        pool.join()
+        if pool is not None:
+            pool.join()
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Hear an interrupt only afterwards: a process whose start is cut short would complain.
+
+    Processes started meanwhile never hear one. From a terminal it goes to all of them; the first one ends the others.
+    """
+    heard = list[int]()
+    before = signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))
+    blocks = hasattr(signal, "pthread_sigmask")  # not on Windows
+    # What is started inherits the mask; here another thread may take the signal all the same.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if blocks else set()
+    try:
+        yield
+    finally:
+        if blocks:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, before)
+    if heard:
+        raise KeyboardInterrupt
 
 
 _study: Study | None = None
@@ -95,7 +122,6 @@ _study: Study | None = None
 
 def _begin(model: TurbineModel, folder: Path, realisations: int, quick: bool) -> None:
     global _study
-    # An interrupt goes to all processes of a terminal; the first one hears it and ends the others, in order.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
     _study = Study(model, folder, realisations, quick, lambda what: None)

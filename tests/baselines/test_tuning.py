@@ -18,7 +18,7 @@ from baselines.tuning import (
     tune_pid,
     tune_saturating,
 )
-from flapgym.control import Weights, load_agent, lqg_agent, made_for
+from flapgym.control import Weights, closed_loop, load_agent, lqg_agent, made_for
 from flapgym.control.margins import disk_margin
 from flapgym.model import save_model
 from tests.synthetic import synthetic_model
@@ -38,14 +38,15 @@ def test_the_rule_brings_the_flap_just_to_its_stop():
 
 
 def test_a_rule_without_an_answer_says_so():
-    """A flap that nothing destabilises and no weight drives to the stop cannot be: here the loop is unstable first."""
+    """No weight drives the flap to its stop: the controller's own states grow first."""
 
-    def wrong_way(weight):
+    def growing(weight):
         agent = lqg_agent("lqg", MODEL, Weights(weight))
-        object.__setattr__(agent.system, "C", -agent.system.C * 50.0)
-        return agent
+        return replace(agent, system=replace(agent.system, A=(1.0 + weight) * agent.system.A))
 
-    assert meet_the_stops(BENCH, wrong_way, 1e-3) is None
+    stable = [closed_loop(MODEL, growing(weight).system).spectral_radius() < 1.0 for weight in (1e-5, 0.1)]
+    assert stable == [True, False]
+    assert meet_the_stops(BENCH, growing, 1e-5) is None
 
 
 def test_the_saturating_design_is_as_heavy_as_the_disk_margin_allows():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import rainflow
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.core.fields import Numbers, Quantity
@@ -158,21 +159,13 @@ def summed_damage_load(
 
 
 def rainflow_cycles(series: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ranges of the cycles of a series and their counts, 1/2 or 1, by the three-point rule of ASTM E1049-85."""
-    waiting, ranges, counts = list[float](), list[float](), list[float]()
-    for point in turning_points(series).tolist():
-        waiting.append(point)
-        while len(waiting) >= 3:
-            before = abs(waiting[-2] - waiting[-3])
-            if abs(point - waiting[-2]) < before:
-                break
-            ranges.append(before)
-            # A range from the very start is half a cycle; any other closed one leaves the history.
-            closed = len(waiting) > 3
-            counts.append(1.0 if closed else 0.5)
-            del waiting[slice(-3, -1) if closed else 0]
-    rest = np.abs(np.diff(waiting))
-    return np.concatenate([ranges, rest]), np.concatenate([counts, np.full(rest.size, 0.5)])
+    """Ranges of the cycles of a series and their counts, 1/2 or 1."""
+    points = turning_points(series)
+    if points.size < 3:  # the library counts only what turns back
+        return np.abs(np.diff(points)), np.full(points.size - 1, 0.5)
+    cycles = [(span, count) for span, _, count, _, _ in rainflow.extract_cycles(points)]
+    ranges, counts = np.array(cycles).T
+    return ranges, counts
 
 
 def turning_points(series: NDArray[np.float64]) -> NDArray[np.float64]:

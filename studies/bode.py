@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from flapgym.aeroelastic.blade_lattice import blade_lattice
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
-from flapgym.aeroelastic.design import clamped_rotor, frozen_turbine
 from flapgym.aeroelastic.equations import Parts, periodic_equations
 from flapgym.aeroelastic.trim import deflected_lattice
 from flapgym.core.arrays import Array, ComplexArray
@@ -22,6 +21,7 @@ from flapgym.core.state_space import StateSpace
 from flapgym.reduction import normal_modes
 from flapgym.structure import linear_blade, linear_support
 from reference.exact import harmonic_response
+from studies.design import clamped_rotor, frozen_turbine
 from studies.hankel import TOTALS, reduced_states
 from studies.parts import Study, Tell, reduce_rotor, with_modes, with_tower
 

@@ -18,7 +18,6 @@ from flapgym.aerodynamics import Aerodynamics
 from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
-from flapgym.aeroelastic.design import clamped_rotor, frozen_turbine, hub_sway, moving_root_blade
 from flapgym.aeroelastic.equations import Parts
 from flapgym.aeroelastic.trim import deflected_lattice
 from flapgym.control import (
@@ -35,6 +34,7 @@ from flapgym.model.turbine_model import TurbineModel
 from flapgym.reduction import ReducedSystem
 from flapgym.turbine import Case
 from flapgym.wind import von_karman_filter
+from studies.design import clamped_rotor, frozen_turbine, hub_sway, moving_root_blade
 
 FROZEN_AZIMUTH = 0.0
 """Of the frozen design model [rad]: blade 1 up."""

@@ -25,7 +25,6 @@ from baselines.tune import CONFIG
 from benchmarks.page import fill, table
 from flapgym.aeroelastic.cache import cached_model
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
-from flapgym.aeroelastic.design import frozen_turbine
 from flapgym.control import OpenLoop
 from flapgym.core.atomic import write_atomically
 from flapgym.core.program import Parser, Work, run
@@ -34,6 +33,7 @@ from flapgym.evaluation.comparison import PAPER_LENGTH
 from flapgym.model import TurbineModel
 from flapgym.turbine import Case, load_case
 from studies.bode import FEW_MODES, OWN, SOFT, Curves, decibel, on_towers, tip, tower_marks
+from studies.design import frozen_turbine
 from studies.parts import Study, reduce_rotor, with_modes
 from studies.tables import mark_cells, peak_cell
 

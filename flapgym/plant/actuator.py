@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -115,6 +116,7 @@ def lag_constants(time_step: float, lag: float) -> tuple[float, float]:
     return decay, (1.0 - decay) * lag / time_step
 
 
+@lru_cache(maxsize=64)
 def free_motion(steps: int, time_step: float, lag: float) -> Array:
     """Motion without stops, (2 (k + 1), kinds): angle and rate of samples 0..k.
 
@@ -129,7 +131,9 @@ def free_motion(steps: int, time_step: float, lag: float) -> Array:
         angle, rate = angle + 0.5 * time_step * (rate + reached), reached
         lagged = command + decay * (lagged - command)
         rows += [angle, rate]
-    return np.array(rows)[:, : 4 if lag > 0.0 else 3]
+    motion = np.array(rows)[:, : 4 if lag > 0.0 else 3]
+    motion.setflags(write=False)  # whoever asks again gets this one
+    return motion
 
 
 def deviations(steps: int, time_step: float) -> Array:

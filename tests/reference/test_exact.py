@@ -8,10 +8,10 @@ import pytest
 from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
-from flapgym.aeroelastic.design import frozen_turbine
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
 from flapgym.turbine import load_case
 from reference.exact import harmonic_response
+from studies.design import frozen_turbine
 
 FREQUENCY = np.array([0.05, 0.3, 1.0, 3.0])
 

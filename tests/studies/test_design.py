@@ -8,10 +8,10 @@ import pytest
 from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
-from flapgym.aeroelastic.design import clamped_rotor, frozen_turbine, hub_sway, moving_root_blade
 from flapgym.aeroelastic.equations import blade_equations
 from flapgym.reduction import ReducedSystem
 from flapgym.turbine import load_case
+from studies.design import clamped_rotor, frozen_turbine, hub_sway, moving_root_blade
 
 
 @pytest.fixture(scope="module")

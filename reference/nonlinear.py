@@ -42,7 +42,7 @@ class NonlinearTurbine:
     kinematics : (3 (m + 6), n) float
         Rates of each blade's modes and of its hub motion, in its own axes, per rate of the unknowns; its transpose
         takes the loads on them in.
-    held, moving : (inputs, 3 (m + 6)) float
+    by_position, by_rate : (inputs, 3 (m + 6)) float
         Lattice inputs per held position and per rate of these motions.
     exogenous : (inputs, 7) float
         Lattice inputs per flap angles, flap rates and wind.
@@ -59,8 +59,8 @@ class NonlinearTurbine:
     trim: Motion
     lattice: ReducedSystem
     kinematics: Array
-    held: Array
-    moving: Array
+    by_position: Array
+    by_rate: Array
     exogenous: Array
     blade_damping: Array
     support_damping: Array
@@ -84,7 +84,7 @@ class NonlinearTurbine:
     def signals(self, motion: Motion, inputs: Array) -> Array:
         """Inputs of the lattice for a motion and for flap angles, flap rates and wind (7,)."""
         position, rate = self.motion(motion)
-        return np.asarray(self.held @ position + self.moving @ rate + self.exogenous @ inputs)
+        return np.asarray(self.by_position @ position + self.by_rate @ rate + self.exogenous @ inputs)
 
     def root_moments(self, motion: Motion, load: Array) -> Array:
         """Flapwise root moments (3,) [N m] by force summation, load (3 (m + 6),) being the lattice's."""
@@ -145,10 +145,10 @@ def nonlinear_turbine(parts: Parts, aerodynamics: ReducedSystem, relieved: bool 
         case.turbine, case.discretisation.blade_elements, case.rotor_speed, load=lambda time: loads
     )
     trim = _balance(structure, relieved)
-    held, moving = lattice.motion_inputs
+    by_position, by_rate = lattice.motion_inputs
     each = np.eye(BLADES)
-    gather = np.kron(np.linalg.inv(on_rotor()), np.eye(held.shape[0]))
-    spread = np.kron(on_rotor(), np.eye(held.shape[1]))
+    gather = np.kron(np.linalg.inv(on_rotor()), np.eye(by_position.shape[0]))
+    spread = np.kron(on_rotor(), np.eye(by_position.shape[1]))
     damping = np.append(2.0 * case.turbine.blade_damping_ratio * parts.frequency, np.zeros(6))
     return NonlinearTurbine(
         parts=parts,
@@ -162,8 +162,8 @@ def nonlinear_turbine(parts: Parts, aerodynamics: ReducedSystem, relieved: bool 
             aerodynamics.hankel_singular_values,
         ),
         kinematics=_kinematics(structure, parts.shape.T @ parts.blade.mass),
-        held=np.asarray(np.kron(each, held)),
-        moving=np.asarray(np.kron(each, moving)),
+        by_position=np.asarray(np.kron(each, by_position)),
+        by_rate=np.asarray(np.kron(each, by_rate)),
         exogenous=np.hstack(
             [
                 *(np.kron(each, column[:, None]) for column in lattice.select("flap_angle", "flap_rate").T),

@@ -42,7 +42,7 @@ class _Loaded:
         turbine, structure = self.turbine, self.turbine.structure
         out = structure.residual(motion)
         position, rate = turbine.motion(motion)
-        load = self.known + turbine.lattice.D @ (turbine.held @ position + turbine.moving @ rate)
+        load = self.known + turbine.lattice.D @ (turbine.by_position @ position + turbine.by_rate @ rate)
         out[: structure.size] -= turbine.kinematics.T @ (load - turbine.blade_damping * rate)
         support = structure.slices[-1]
         out[support] += turbine.support_damping @ motion.velocity[support]
@@ -69,7 +69,7 @@ class _Loaded:
     def _tangent(self, motion: Motion, rate_factor: float, mass_factor: float) -> Array:
         turbine, structure = self.turbine, self.turbine.structure
         out = structure.iteration_matrix(motion, rate_factor, mass_factor)
-        per_motion = turbine.lattice.D @ (turbine.held + rate_factor * turbine.moving)
+        per_motion = turbine.lattice.D @ (turbine.by_position + rate_factor * turbine.by_rate)
         per_motion -= rate_factor * np.diag(turbine.blade_damping)
         own = slice(0, structure.size)
         out[own, own] -= turbine.kinematics.T @ per_motion @ turbine.kinematics

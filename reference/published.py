@@ -222,21 +222,21 @@ class PublishedTurbine:
         position, rate = (pick(f"blades {kind}", f"tower {kind}") for kind in ("position", "rate"))
         velocity = np.vstack([rate, pick("hub velocity")])
         # What each blade and its hub do, in its own frame, and what its lattice is told of it.
-        held, moving, load = [], [], []
+        by_position, by_rate, load = [], [], []
         for b in range(BLADES):
             own = position[b * m : (b + 1) * m]
             turn = np.kron(np.eye(2), about_x(-2.0 * np.pi * b / BLADES))
             fixed = np.kron(np.eye(2), about_x(-azimuth)) @ equations.hub @ position[rotor:]
-            held.append(np.vstack([own, turn @ fixed]))
-            moving.append(np.vstack([rate[b * m : (b + 1) * m], turn @ velocity[-6:]]))
+            by_position.append(np.vstack([own, turn @ fixed]))
+            by_rate.append(np.vstack([rate[b * m : (b + 1) * m], turn @ velocity[-6:]]))
             to_joint = np.zeros((rotor + tower + 6, m + 6))
             to_joint[b * m : (b + 1) * m, :m] = np.eye(m)
             to_joint[-6:, m:] = turn.T
             load.append(to_joint)
         flaps, wind = pick("double integrator"), self.wind.C @ pick("turbulence filter")
         told = [
-            equations.held[b] @ held[b]
-            + equations.moving[b] @ moving[b]
+            equations.by_position[b] @ by_position[b]
+            + equations.by_rate[b] @ by_rate[b]
             + np.outer(equations.flap_angle[b], flaps[b])
             + np.outer(equations.flap_rate[b], flaps[BLADES + b])
             + np.outer(equations.gust[b].sum(axis=1), wind[0])
@@ -257,7 +257,9 @@ class PublishedTurbine:
         solved = np.linalg.solve(saddle, np.vstack([resting, -scale * constraint_rate @ velocity]))
         accelerations, multipliers = solved[:-6], scale * solved[-6:]
         hub = np.linalg.solve(constraint[:, -6:], -constraint[:, :-6] @ rate)
-        outputs = self._outputs(equations.root[0], equations.tip[0], blades, held, moving, accelerations)
+        outputs = self._outputs(
+            equations.root[0], equations.tip[0], blades, by_position, by_rate, accelerations
+        )
         top = equations.tower_top @ position[rotor:]
         return {
             "lattice input": lattice_input,
@@ -269,7 +271,13 @@ class PublishedTurbine:
         }
 
     def _outputs(
-        self, root: Array, tip: Array, load: Array, held: list[Array], moving: list[Array], second: Array
+        self,
+        root: Array,
+        tip: Array,
+        load: Array,
+        by_position: list[Array],
+        by_rate: list[Array],
+        second: Array,
     ) -> list[Array]:
         """Root moments by force summation, and tip deflections, as rows over the states."""
         from_modes = periodic_equations(self.parts).blades[0]
@@ -278,8 +286,10 @@ class PublishedTurbine:
             turn = np.kron(np.eye(2), about_x(-2.0 * np.pi * b / BLADES))
             acceleration = np.vstack([second[b * m : (b + 1) * m], turn @ second[-6:]])
             mass, damping, stiffness = from_modes
-            moments.append(root @ (load[b] - mass @ acceleration - damping @ moving[b] - stiffness @ held[b]))
-            tips.append(tip @ held[b])
+            moments.append(
+                root @ (load[b] - mass @ acceleration - damping @ by_rate[b] - stiffness @ by_position[b])
+            )
+            tips.append(tip @ by_position[b])
         return [np.stack(moments), np.stack(tips)]
 
 

@@ -92,7 +92,7 @@ def sway(model: TurbineModel) -> Array:
     return np.asarray(np.abs(2.0 * np.exp(-1j * azimuth[-steps:]) @ y / steps))
 
 
-def uneven() -> None:
+def unequal() -> None:
     """Unequal blades."""
     cases, rows = third_blades(), []
     for name, of in zip(cases, builds(cases.values()), strict=True):
@@ -200,7 +200,7 @@ def forms() -> None:
     table("Reduced once more as a whole", ["tolerance", "states", "worst output's error"], rows)
 
 
-PARTS = {"forms": forms, "uneven": uneven, "flutter": flutter, "building": building}
+PARTS = {"forms": forms, "unequal": unequal, "flutter": flutter, "building": building}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

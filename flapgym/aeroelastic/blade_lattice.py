@@ -87,8 +87,8 @@ class BladeLattice:
     def motion_inputs(self) -> tuple[Array, Array]:
         """Inputs per held position and per rate of the modes and the hub motion (u, phi), each (nu, m + 6)."""
         unfelt = np.zeros((self.downwash.shape[1], 4))  # translations, and turning about the shaft
-        held = np.hstack([self.select("mode"), unfelt, self.select("hub_turn")])
-        return held, self.select("mode_rate", "hub_velocity")
+        by_position = np.hstack([self.select("mode"), unfelt, self.select("hub_turn")])
+        return by_position, self.select("mode_rate", "hub_velocity")
 
 
 def blade_lattice(
@@ -109,8 +109,8 @@ def blade_lattice(
     if flow is None or case.airloads.linearisation == "mean flow":
         displacement, rotation = (part @ shape for part in interpolation(blade, aero.collocation))
         rate = velocity_downwash(aero, displacement)
-        held = displacement_downwash(aero, case.rotor_speed, displacement, rotation)
-        return BladeLattice(_downwash(case, aero, rate, held), load, *sizes, convected)
+        by_position = displacement_downwash(aero, case.rotor_speed, displacement, rotation)
+        return BladeLattice(_downwash(case, aero, rate, by_position), load, *sizes, convected)
     aero = cambered(aero, flow.loads.zero_lift_angle)
     motion = lattice_motion(case, blade, shape, flow)
     full = full_loads(aero, flow, segment_motion(case, aero, motion), load)
@@ -121,7 +121,7 @@ def blade_lattice(
     return BladeLattice(downwash, load, *sizes, convected, full)
 
 
-def _downwash(case: Case, aero: Aerodynamics, rate: Array, held: Array) -> Array:
+def _downwash(case: Case, aero: Aerodynamics, rate: Array, by_position: Array) -> Array:
     """Columns of ``BladeLattice.downwash``, those of the modes' rates and of the modes held being given."""
     flaps = [_flap_downwash(aero, case, flap) for flap in case.flaps]
     angles, rates = (np.stack(part, axis=1) for part in zip(*flaps, strict=True))
@@ -129,7 +129,7 @@ def _downwash(case: Case, aero: Aerodynamics, rate: Array, held: Array) -> Array
     hub_turn = hub_turn_downwash(aero, case.operating_point.wind_speed)[
         :, 1:
     ]  # about the shaft nothing changes
-    return np.hstack([rate, held, hub, hub_turn, angles, rates, gust_downwash(aero)])
+    return np.hstack([rate, by_position, hub, hub_turn, angles, rates, gust_downwash(aero)])
 
 
 def _flap_downwash(aero: Aerodynamics, case: Case, flap: Flap) -> tuple[Array, Array]:

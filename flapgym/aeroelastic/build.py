@@ -22,7 +22,12 @@ from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equations
 from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.aeroelastic.trim import deflected_lattice, trim
-from flapgym.aeroelastic.uneven import UnevenParts, assemble_uneven, multiblade_equations, uneven_equations
+from flapgym.aeroelastic.unequal import (
+    UnequalParts,
+    assemble_unequal,
+    multiblade_equations,
+    unequal_equations,
+)
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace, delayed, series
 from flapgym.core.wording import number
@@ -78,10 +83,10 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         )
     tell = progress or (lambda stage: None)
     tell(STAGES[0])
-    uneven = None
+    unequal = None
     if case.blades.unequal:
-        uneven, rotor_aero = assemble_uneven(case)
-        parts, lattices = uneven.mean, [own.lattice for own in uneven.lattices]
+        unequal, rotor_aero = assemble_unequal(case)
+        parts, lattices = unequal.mean, [own.lattice for own in unequal.lattices]
     else:
         parts, rotor_aero = assemble_parts(case)
         lattices = [parts.lattice]
@@ -100,11 +105,11 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     rotor = multiblade_aerodynamics(collective, whirl, case.rotor_speed, dt)
     single = couple(blade_equations(parts), alone, dt)
     late = bool(case.discretisation.input_delay)
-    if uneven is None:
+    if unequal is None:
         turbine = series(slow_wake(parts), couple(turbine_equations(parts), rotor, dt))
         turbine = delayed(carried_on(turbine, case.rotor_speed * dt)) if late else turbine
     else:
-        turbine, periodic = fourier_series(azimuth_steps(uneven, rotor, slow_wake(parts), late))
+        turbine, periodic = fourier_series(azimuth_steps(unequal, rotor, slow_wake(parts), late))
         errors["harmonics left out, at most"] = TOLERANCE
     single = delayed(single) if late else single
     refuse_unstable(case, {"turbine": turbine, "blade": single})
@@ -187,14 +192,16 @@ def slow_wake(parts: Parts) -> StateSpace:
     states = [found.wind.state_space(dt, "wind")]
     states += [flap.state_space(dt, angle) for flap, angle in zip(found.flaps, angles, strict=True)]
     place = eye[:, [inputs.index(state.inputs[0]) for state in states]]
-    felt = place.T.copy()
+    effective = place.T.copy()
     if parts.strips:
         # The wake moves as a whole, by what the strips' winds do to the root moment that its state was fitted to.
-        felt[0, [inputs.index(f"wind{j}_0") for j in range(1, parts.strips + 1)]] = root_moment_shares(case)
-    direct = eye + place @ np.diag([state.D.item() - 1.0 for state in states]) @ felt
+        effective[0, [inputs.index(f"wind{j}_0") for j in range(1, parts.strips + 1)]] = root_moment_shares(
+            case
+        )
+    direct = eye + place @ np.diag([state.D.item() - 1.0 for state in states]) @ effective
     return StateSpace(
         A=np.diag([state.A.item() for state in states]),
-        B=np.diag([state.B.item() for state in states]) @ felt,
+        B=np.diag([state.B.item() for state in states]) @ effective,
         C=place @ np.diag([state.C.item() for state in states]),
         D=direct,
         time_step=dt,
@@ -204,32 +211,32 @@ def slow_wake(parts: Parts) -> StateSpace:
 
 
 def azimuth_steps(
-    uneven: UnevenParts, rotor: ReducedSystem, felt: StateSpace, late: bool = False
+    unequal: UnequalParts, rotor: ReducedSystem, effective: StateSpace, late: bool = False
 ) -> Callable[[float], tuple[StateSpace, Array]]:
     """Steps of unequal blades by azimuth [rad], in multi-blade coordinates, with their forcing (n + ny,).
 
     Parameters
     ----------
-    uneven : UnevenParts
+    unequal : UnequalParts
     rotor : ReducedSystem
         Its lattices, seen from the ground.
-    felt : StateSpace
+    effective : StateSpace
         ``slow_wake`` of the mean blade.
     late : bool
         Whether the inputs act a step late.
     """
-    time_step = felt.time_step
-    equations = uneven_equations(uneven)
+    time_step = effective.time_step
+    equations = unequal_equations(unequal)
     turn = equations.rotor_speed * time_step
     by_azimuth = multiblade_equations(equations)
     outputs = by_azimuth(0.0).outputs
 
     def at(azimuth: float) -> tuple[StateSpace, Array]:
         A, B, C, D = step_matrices(by_azimuth, rotor, time_step, azimuth, turn)
-        system = StateSpace(A, B[:, :-1], C, D[:, :-1], time_step, felt.outputs, outputs)
-        system = series(felt, system)
-        queue = np.zeros(len(felt.inputs) if late else 0)
-        forcing = np.concatenate([np.zeros(felt.order), B[:, -1], queue, D[:, -1]])
+        system = StateSpace(A, B[:, :-1], C, D[:, :-1], time_step, effective.outputs, outputs)
+        system = series(effective, system)
+        queue = np.zeros(len(effective.inputs) if late else 0)
+        forcing = np.concatenate([np.zeros(effective.order), B[:, -1], queue, D[:, -1]])
         return (delayed(carried_on(system, turn)) if late else system), forcing
 
     return at

@@ -80,14 +80,14 @@ def turbine_equations(parts: Parts) -> Equations:
     structure, rate, acceleration = turbine_structure(own, modal_support, components, parts.case.rotor_speed)
     T = components.reshape(-1, structure.mass.shape[0])
 
-    held, moving = lattice.motion_inputs
+    by_position, by_rate = lattice.motion_inputs
     three = np.eye(3)
     gust = lattice.select("gust")
     homogeneous = np.kron(three[:, :1], gust.sum(axis=1, keepdims=True))
     flaps = flap_effectiveness(parts) * lattice.select("flap_angle", "flap_rate")
     lattice_input = LatticeInput(
-        position=np.kron(three, held) @ T + np.kron(three, moving) @ rate,
-        velocity=np.asarray(np.kron(three, moving) @ T),
+        position=np.kron(three, by_position) @ T + np.kron(three, by_rate) @ rate,
+        velocity=np.asarray(np.kron(three, by_rate) @ T),
         exogenous=np.hstack(
             [
                 *(np.kron(three, column[:, None]) for column in flaps.T),
@@ -297,9 +297,9 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
         support=support,
         hub=mean.support.hub @ support_shape,
         tower_top=(mean.support.tower_top @ support_shape)[:2],
-        held=asked(lambda own: own.lattice.motion_inputs[0]),
-        moving=asked(lambda own: own.lattice.motion_inputs[1]),
-        felt=np.stack([np.kron(slot[None], mean.lattice.on_structure) for slot in slots]),
+        by_position=asked(lambda own: own.lattice.motion_inputs[0]),
+        by_rate=asked(lambda own: own.lattice.motion_inputs[1]),
+        work=np.stack([np.kron(slot[None], mean.lattice.on_structure) for slot in slots]),
         flap_angle=flaps("flap_angle"),
         flap_rate=flaps("flap_rate"),
         gust=asked(lambda own: own.lattice.select("gust")),

@@ -92,9 +92,9 @@ class PeriodicEquations:
         Hub motion in the fixed frame per support mode.
     tower_top : (2, t) float
         Displacement downwind and sideways per support mode.
-    held, moving : (3, nu, m + 6) float
+    by_position, by_rate : (3, nu, m + 6) float
         Lattice inputs of each blade per held position and per rate of its modes and its hub.
-    felt : (3, m + 6, ny) float
+    work : (3, m + 6, ny) float
         Loads on each blade's modes and hub per its lattice outputs.
     flap_angle, flap_rate : (3, nu, F) float
         Lattice inputs of each blade per angle and per rate of its F flaps.
@@ -115,9 +115,9 @@ class PeriodicEquations:
     support: tuple[Array, Array, Array]
     hub: Array
     tower_top: Array
-    held: Array
-    moving: Array
-    felt: Array
+    by_position: Array
+    by_rate: Array
+    work: Array
     flap_angle: Array
     flap_rate: Array
     gust: Array
@@ -130,7 +130,7 @@ class PeriodicEquations:
     @property
     def modes(self) -> int:
         """Modes of a blade."""
-        return int(self.held.shape[2]) - 6
+        return int(self.by_position.shape[2]) - 6
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -149,8 +149,8 @@ class PeriodicEquations:
         for matrix, part in zip(own, self.support, strict=True):
             matrix[nd - t :, nd - t :] = part
         # The lattice speaks in components on the rotor; blades in their own signals.
-        spread = scipy.linalg.block_diag(*self.felt) @ np.kron(on_rotor(), np.eye(self.felt.shape[2]))
-        gather = np.kron(np.linalg.inv(on_rotor()), np.eye(self.held.shape[1]))
+        spread = scipy.linalg.block_diag(*self.work) @ np.kron(on_rotor(), np.eye(self.work.shape[2]))
+        gather = np.kron(np.linalg.inv(on_rotor()), np.eye(self.by_position.shape[1]))
         homogeneous = self.gust.sum(axis=2).reshape(-1, 1)
         strips = _blade_by_blade(self.gust) if self.by_strip else []
         flaps = _blade_by_blade(self.flap_angle) + _blade_by_blade(self.flap_rate)
@@ -167,8 +167,8 @@ class PeriodicEquations:
                 T.T @ mass @ T + own[0], T.T @ moves + own[1], T.T @ stiffness @ T + own[2], T.T @ spread
             ),
             LatticeInput(
-                position=gather @ scipy.linalg.block_diag(*self.held) @ T,
-                velocity=gather @ scipy.linalg.block_diag(*self.moving) @ T,
+                position=gather @ scipy.linalg.block_diag(*self.by_position) @ T,
+                velocity=gather @ scipy.linalg.block_diag(*self.by_rate) @ T,
                 exogenous=exogenous,
             ),
             Output(

@@ -12,7 +12,7 @@ from flapgym.aeroelastic.build import assemble_parts, azimuth_steps, build_model
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import blade_equations, periodic_equations, turbine_equations
 from flapgym.aeroelastic.transform import in_multiblade
-from flapgym.aeroelastic.uneven import assemble_uneven
+from flapgym.aeroelastic.unequal import assemble_unequal
 from flapgym.core.state_space import series
 from flapgym.model import blade_flap_inputs, flap_inputs, load_model, save_model
 from flapgym.model.compact import activity, compact_model
@@ -163,8 +163,8 @@ def test_unequal_blades_of_three_flaps_at_each_azimuth_are_equal_ones_where_they
     dt = case.discretisation.time_step
     rotor = multiblade_aerodynamics(*components, case.rotor_speed, dt)
     still = series(slow_wake(alike), couple(turbine_equations(alike), rotor, dt))
-    uneven, _ = assemble_uneven(case)
-    step, _ = azimuth_steps(uneven, rotor, slow_wake(uneven.mean))(1.1)
+    unequal, _ = assemble_unequal(case)
+    step, _ = azimuth_steps(unequal, rotor, slow_wake(unequal.mean))(1.1)
     assert step.inputs == still.inputs
     for name in "ABCD":
         ours, theirs = getattr(step, name), getattr(still, name)

@@ -184,8 +184,8 @@ def test_tilt_and_yaw_alone_leave_a_common_load_alone():
     alone = tilt_and_yaw_alone(multiblade_pid_agent("individual", MODEL, PID, PID))
     common = np.concatenate([[0.7] * 3, np.zeros(6), [0.6, 0.8]])
     np.testing.assert_allclose(alone.predict(common)[0], 0.0, atol=1e-9)
-    uneven = np.concatenate([[0.7, 0.1, -0.4], np.zeros(6), [0.6, 0.8]])
-    assert np.abs(alone.predict(uneven)[0]).max() > 0.01
+    unequal = np.concatenate([[0.7, 0.1, -0.4], np.zeros(6), [0.6, 0.8]])
+    assert np.abs(alone.predict(unequal)[0]).max() > 0.01
 
 
 def test_a_finished_batch_is_not_computed_again(tmp_path, monkeypatch, capsys):

@@ -116,7 +116,7 @@ DAMAGE = {
     "flap too fast": lambda entry: entry["plant"]["flaps"][1].__setitem__(1, -2.0),
     "flaps not numbers": lambda entry: entry["plant"]["flaps"][2].__setitem__(0, np.nan),
     "flaps one for all": lambda entry: entry["plant"].update(flaps=0.0),
-    "flaps uneven": lambda entry: entry["plant"]["flaps"][0].pop(),
+    "flaps unequal": lambda entry: entry["plant"]["flaps"][0].pop(),
     "travel one for all": lambda entry: entry["plant"].update(travel=[0.0]),
     "travel infinite": lambda entry: entry["plant"].update(travel=[0.0, np.inf, 0.0]),
     "modes one for all": lambda entry: entry["plant"].update(modes=0.0),

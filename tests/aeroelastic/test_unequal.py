@@ -12,7 +12,7 @@ from flapgym.aeroelastic.build import assemble_parts, azimuth_steps, build_model
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
 from flapgym.aeroelastic.periodic import step_matrices
-from flapgym.aeroelastic.uneven import assemble_uneven, multiblade_equations, uneven_equations
+from flapgym.aeroelastic.unequal import assemble_unequal, multiblade_equations, unequal_equations
 from flapgym.core.state_space import series
 from flapgym.model import load_model, save_model
 from flapgym.model.export import save_mat
@@ -55,7 +55,7 @@ def test_corrected_turbine_of_equal_blades_is_the_time_invariant_form_at_every_a
     components = [reduce_stacked(aero, [alike.lattice], m, 8) for m in (0, 1)]
     rotor = multiblade_aerodynamics(*components, CASE.rotor_speed, DT)
     still = series(slow_wake(alike), couple(turbine_equations(alike), rotor, DT))
-    parts, _ = assemble_uneven(case)
+    parts, _ = assemble_unequal(case)
     at = azimuth_steps(parts, rotor, slow_wake(parts.mean))
     assert still.order == couple(turbine_equations(alike), rotor, DT).order + 2
     for azimuth in (0.0, 1.1, 4.0):
@@ -75,9 +75,9 @@ def test_corrected_turbine_with_a_heavy_blade_builds_stable_and_near_the_one_of_
 
 
 @pytest.fixture(scope="module")
-def uneven():
+def unequal():
     """Parts of blades that differ in everything and their lattices' two components."""
-    parts, aero = assemble_uneven(
+    parts, aero = assemble_unequal(
         coarse(
             mass_factor=(1.0, 1.0, 1.02),
             stiffness_factor=(1.0, 0.97, 1.0),
@@ -101,9 +101,9 @@ def test_equal_blades_are_the_time_invariant_form_at_every_azimuth(equal):
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 2.2])
-def test_structure_of_unequal_blades_is_the_direct_assembly_in_shapes(uneven, azimuth):
-    parts, _ = uneven
-    ours = uneven_equations(parts)(azimuth).structure
+def test_structure_of_unequal_blades_is_the_direct_assembly_in_shapes(unequal, azimuth):
+    parts, _ = unequal
+    ours = unequal_equations(parts)(azimuth).structure
     shapes = scipy.linalg.block_diag(*(own.shape for own in parts.blades), parts.mean.modal_support[1])
     theirs = assemble([own.blade for own in parts.blades], parts.mean.support, azimuth)
     for name, full in (("mass", theirs[0]), ("stiffness", theirs[2])):
@@ -123,8 +123,8 @@ def in_components(u, azimuth):
     return np.hstack([to_components(u[:, :3], azimuth), to_components(u[:, 3:6], azimuth), u[:, 6:]])
 
 
-def test_series_evaluates_to_the_steps_it_was_made_of_between_its_samples(uneven):
-    parts, components = uneven
+def test_series_evaluates_to_the_steps_it_was_made_of_between_its_samples(unequal):
+    parts, components = unequal
     at = azimuth_steps(
         parts, multiblade_aerodynamics(*components, CASE.rotor_speed, DT), slow_wake(parts.mean)
     )
@@ -141,11 +141,11 @@ def test_series_evaluates_to_the_steps_it_was_made_of_between_its_samples(uneven
     )
 
 
-def test_blades_own_frames_and_multiblade_coordinates_converge_with_the_square_of_the_step(uneven):
+def test_blades_own_frames_and_multiblade_coordinates_converge_with_the_square_of_the_step(unequal):
     """The same unequal blades, Newmark's rule in two coordinates; a lattice without memory, so that dt is free."""
-    parts, components = uneven
+    parts, components = unequal
     frozen = [replace_memory(part) for part in components]
-    equations = uneven_equations(parts)
+    equations = unequal_equations(parts)
     gaps = []
     for steps in (100, 200):
         dt = 1.0 / steps
@@ -182,8 +182,8 @@ def replace_memory(component):
 
 
 def test_one_percent_on_the_third_blade_shows_as_four_thousandths_of_the_mass_matrix():
-    parts, _ = assemble_uneven(coarse(mass_factor=(1.0, 1.0, 1.01)))
-    by_azimuth = multiblade_equations(uneven_equations(parts))
+    parts, _ = assemble_unequal(coarse(mass_factor=(1.0, 1.0, 1.01)))
+    by_azimuth = multiblade_equations(unequal_equations(parts))
     mass = np.stack([by_azimuth(azimuth).structure.mass for azimuth in np.linspace(0.0, 6.0, 25)])
     assert np.ptp(mass, axis=0).max() / 2.0 == pytest.approx(4e-3 * np.abs(mass).max(), rel=0.3)
 

@@ -31,7 +31,7 @@ from flapgym.turbine import Case
 
 
 @dataclass(frozen=True, eq=False)
-class UnevenParts:
+class UnequalParts:
     """What a turbine of unequal blades is coupled from.
 
     Attributes
@@ -52,7 +52,7 @@ class UnevenParts:
     lattices: tuple[Parts, ...]
 
 
-def assemble_uneven(case: Case) -> tuple[UnevenParts, Aerodynamics]:
+def assemble_unequal(case: Case) -> tuple[UnequalParts, Aerodynamics]:
     """Parts of a case of unequal blades, and the lattice of the whole rotor, that of its mean blade."""
     modes, middle = case.reduction.blade_modes, case.of_mean_blade()
     support = linear_support(case.turbine, case.rotor_speed)
@@ -88,7 +88,7 @@ def assemble_uneven(case: Case) -> tuple[UnevenParts, Aerodynamics]:
     for b, place in enumerate(places):
         own = case.of_blade(b)
         blades.append(replace(lattices[place], case=own, blade=steady(own).blade))
-    return UnevenParts(mean, tuple(blades), places, tuple(lattices)), balance.rotor
+    return UnequalParts(mean, tuple(blades), places, tuple(lattices)), balance.rotor
 
 
 def aligned(shape: Array, mass: Array, reference: Array) -> Array:
@@ -97,7 +97,7 @@ def aligned(shape: Array, mass: Array, reference: Array) -> Array:
     return np.asarray(shape @ (u @ v))
 
 
-def uneven_equations(parts: UnevenParts) -> PeriodicEquations:
+def unequal_equations(parts: UnequalParts) -> PeriodicEquations:
     """The turbine by azimuth, blades in their own frames, with the turning load of their imbalance as an input."""
     steady = np.stack([hub_load(own.blade) for own in parts.blades])
     # What the blades have in common is in balance.

@@ -31,10 +31,16 @@ PROGRAMS = {
     "benchmarks.turbine": ["full"],
     "benchmarks.variants": ["docs"],
     "benchmarks.conventions": ["docs"],
+    "benchmarks.architecture": ["docs"],
     "benchmarks.manual": ["docs"],
 }
 """Programs, and arguments that give them work for a while."""
-QUICK = {"benchmarks.conventions", "benchmarks.predictive_solvers", "benchmarks.manual"}
+QUICK = {
+    "benchmarks.architecture",
+    "benchmarks.conventions",
+    "benchmarks.manual",
+    "benchmarks.predictive_solvers",
+}
 """Those that are done before one could interrupt them."""
 MINUTES = 120.0
 
@@ -121,6 +127,7 @@ def test_an_interrupt_ends_a_program_with_one_line_and_130(name, seconds, tmp_pa
         ("flapgym", ["compare", "--realisations", "-1"], "--realisations"),
         ("flapgym", ["compare", "--agents", "open_loop", "--output", "taken"], "taken"),
         ("benchmarks.manual", ["nowhere"], "nowhere"),
+        ("benchmarks.architecture", ["nowhere"], "nowhere"),
     ],
 )
 def test_what_is_impossible_is_refused_in_one_line_before_any_work(

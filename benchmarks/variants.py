@@ -65,11 +65,11 @@ def _door(options: argparse.Namespace) -> Work:
     path = check_target(options.folder / "environments" / "scores.json")
 
     def work() -> int:
-        turbines = [entry for entry in ENVIRONMENTS if entry.single.endswith(":FlapEnv")]
+        turbines = [entry for entry in ENVIRONMENTS if not entry.keywords.get("single_blade")]
         found = {}
         for entry in ProgressBar(turbines):
             # A gust comes the same every time: only the azimuth differs.
-            seconds = GUST if "gust" in entry.keywords else TURBULENT
+            seconds = GUST if "gust" in entry.keywords.get("wind", {}) else TURBULENT
             found[entry.id] = {
                 "seconds": seconds,
                 "realisations": options.realisations,

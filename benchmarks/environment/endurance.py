@@ -45,7 +45,8 @@ def endure(plant_steps: int, tell: Callable[[str], None]) -> list[Endurance]:
     for entry in ENVIRONMENTS:
         tell(f"endurance: {entry.id}")
         wind = _pooled(entry.keywords.get("wind", {}))
-        env = gymnasium.make_vec(entry.id, num_envs=COUNT, steps_per_action=STEPS_PER_ACTION, wind=wind)
+        spec = gymnasium.spec(entry.id)  # so that no version is called out of date
+        env = gymnasium.make_vec(spec, num_envs=COUNT, steps_per_action=STEPS_PER_ACTION, wind=wind)
         env.reset(seed=0)
         rng = np.random.default_rng(0)
         calls = max(10, plant_steps // (COUNT * STEPS_PER_ACTION))

@@ -198,7 +198,7 @@ def metrics_of(found: Mapping[str, Array]) -> Metrics:
 
 def score(ours: Metrics, open_loop: Metrics, base: Metrics, model: TurbineModel) -> Score:
     """The agent's score beside open loop and the base case on the same realisations."""
-    stop = model.flap_angle_limit * (1.0 - 1e-6)
+    stop = model.flaps[0].angle_limit * (1.0 - 1e-6)
     return Score(
         changes={name: paired_change(getattr(ours, name), getattr(open_loop, name)) for name in CHANGES},
         flap_angle_max=float(ours.flap_angle_max.max()),

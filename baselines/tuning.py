@@ -103,8 +103,8 @@ class Bench:
     def stroke(self, agent: LinearController) -> float:
         """Largest use of the stops the controller would make: of the angle's or of the rate's, whichever is more."""
         free = self.measure(agent, free=True)
-        angle = free.flap_angle_max.max() / self.model.flap_angle_limit
-        return float(max(angle, free.flap_rate_max.max() / self.model.flap_rate_limit))
+        angle = free.flap_angle_max.max() / self.model.flaps[0].angle_limit
+        return float(max(angle, free.flap_rate_max.max() / self.model.flaps[0].rate_limit))
 
     def disk_margin(self, agent: LinearController) -> float:
         """Of the whole turbine's loop, stops left out; 0 if it is unstable."""
@@ -228,7 +228,7 @@ def meet_the_stops(bench: Bench, design: Design, start: float) -> float | None:
     """
     model, factor = bench.model, PEAK_FACTOR
     for _ in range(8):
-        number = _for_rms(bench, design, model.flap_angle_limit / factor, start)
+        number = _for_rms(bench, design, model.flaps[0].angle_limit / factor, start)
         if number is None:
             return None
         stroke = bench.stroke(design(number))

@@ -19,10 +19,10 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.envs.registration import load_env_creator
 
 from flapgym.core.atomic import write_together
 from flapgym.core.program import Parser, Work, run
+from flapgym.envs import FlapEnv
 from flapgym.envs.registration import ENVIRONMENTS, Registered
 
 _MADE = "<!-- Made by `python -m benchmarks.manual docs`; edit the docstrings and flapgym/envs/registration.py. -->"
@@ -139,9 +139,9 @@ def environment_page(entry: Registered, scores: Mapping[str, Any] | None) -> str
     env.close()
     if scores:
         text += _scored(scores)
-    first = next(other for other in ENVIRONMENTS if other.single == entry.single)
+    first = ENVIRONMENTS[0]
     if first is entry:
-        text += [inspect.cleandoc(load_env_creator(entry.single).__doc__ or "")]
+        text += [inspect.cleandoc(FlapEnv.__doc__ or "")]
     else:
         text += [f"Everything else is as in [`{first.id}`]({page_name(first)})."]
     return "\n".join(text) + "\n"

@@ -31,7 +31,7 @@ from flapgym.evaluation.comparison import LONGEST
 from flapgym.evaluation.metrics import damage_equivalent_load, root_mean_square
 from flapgym.model import TurbineModel, load_model
 from flapgym.model.multiblade import to_blades, to_components
-from flapgym.plant.actuator import Actuator
+from flapgym.plant.actuator import flap_step
 from flapgym.turbine import load_case
 from flapgym.wind import realise, von_karman_filter
 from reference.nonlinear import nonlinear_turbine
@@ -111,7 +111,7 @@ class Loop:
     def run(self, wind: Array) -> None:
         """Go on under further samples of the wind."""
         model, agent = self.model, self.agent
-        actuator = Actuator(model.flap_angle_limit, model.flap_rate_limit, model.time_step, 1)
+        flap = model.flaps[0]
         out = np.empty((len(wind), 11))
         for n in range(len(wind)):
             y = self.step(np.concatenate([self.angle, self.rate, wind[n : n + 1]]))
@@ -119,11 +119,10 @@ class Loop:
             seen = {"rbm": y[:3], "flap_angle": self.angle, "flap_rate": self.rate}
             observation = np.concatenate([seen[name] / OBSERVATION_SCALES[name] for name in agent.observe])
             action, self.state = agent.predict(observation, self.state)
-            command = np.stack(
-                [self.angle, self.rate, np.zeros_like(self.rate), model.acceleration_limit * action]
+            acceleration = flap.acceleration_limit * action
+            self.angle, self.rate, *_ = flap_step(
+                self.angle, self.rate, acceleration, model.time_step, flap.angle_limit, flap.rate_limit
             )
-            motion, _ = actuator.move(command[None])
-            self.angle, self.rate = motion[0, -2:]
         self.series = np.concatenate([self.series, out])
 
 

@@ -24,7 +24,7 @@ from flapgym.core.progress import ProgressBar
 from flapgym.envs.registration import ENVIRONMENTS, Registered
 from flapgym.evaluation.comparison import MOST_REALISATIONS, SCORED_SEED
 from flapgym.evaluation.metrics import measure
-from flapgym.evaluation.simulate import simulate
+from flapgym.evaluation.simulate import get_ready, simulate
 from flapgym.model import DEFAULT_MODEL, load_model
 
 TURBULENT, GUST = 120.0, 20.0
@@ -65,11 +65,12 @@ def _door(options: argparse.Namespace) -> Work:
     path = check_target(options.folder / "environments" / "scores.json")
 
     def work() -> int:
-        turbines = [entry for entry in ENVIRONMENTS if entry.single.endswith(":FlapEnv")]
+        turbines = [entry for entry in ENVIRONMENTS if not entry.keywords.get("single_blade")]
         found = {}
+        get_ready(load_model())
         for entry in ProgressBar(turbines):
             # A gust comes the same every time: only the azimuth differs.
-            seconds = GUST if "gust" in entry.keywords else TURBULENT
+            seconds = GUST if "gust" in entry.keywords.get("wind", {}) else TURBULENT
             found[entry.id] = {
                 "seconds": seconds,
                 "realisations": options.realisations,

@@ -90,8 +90,8 @@ def circles(graph):
     }
 
 
-def files_importing(*libraries):
-    sources = [path for folder in ("flapgym", "baselines") for path in sorted((ROOT / folder).rglob("*.py"))]
+def files_importing(*libraries, folders=("flapgym", "baselines")):
+    sources = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
     return {
         path.relative_to(ROOT).as_posix()
         for path in sources
@@ -132,11 +132,11 @@ def test_no_modules_import_each_other():
 
 
 def test_no_folders_import_each_other():
-    """Files right in `flapgym` stand for the whole and belong to no folder."""
+    """Files right in `flapgym` stand for the whole and belong to no folder; the plant's backends are a part of it."""
 
     def folder(name, path):
         parent = path.relative_to(ROOT).parent.as_posix()
-        return None if parent == "flapgym" else parent
+        return None if parent == "flapgym" else parent.removesuffix("/backends")
 
     assert circles(import_graph(folder)) == set()
 
@@ -164,6 +164,16 @@ def test_only_the_environments_import_gymnasium():
 
 def test_only_training_and_its_adapter_import_torch_and_stable_baselines():
     assert files_importing("torch", "stable_baselines3", "sb3_contrib") <= {"flapgym/adapters/sb3.py"}
+
+
+def test_only_two_modules_import_numba_and_none_llvmlite():
+    everywhere = ("flapgym", *PROGRAMS)
+    assert files_importing("numba", folders=everywhere) == {
+        "flapgym/envs/compiled.py",
+        "flapgym/plant/backends/numba.py",
+        "benchmarks/environment/limits.py",  # what the compiler makes of the machine, for comparison
+    }
+    assert files_importing("llvmlite", folders=everywhere) == set()
 
 
 def test_importing_the_package_and_its_program_loads_no_heavy_library():

@@ -22,8 +22,8 @@ def observation_scale(observe: Sequence[str], model: TurbineModel) -> NDArray[np
     moment, tip = (gain[model.blade.outputs.index(name)] for name in ("rbm", "tip_deflection"))
     factors = {
         "rbm": 1e6 / model.rbm_rms,
-        "flap_angle": 1.0 / model.flap_angle_limit,
-        "flap_rate": 1.0 / model.flap_rate_limit,
+        "flap_angle": 1.0 / model.flaps[0].angle_limit,
+        "flap_rate": 1.0 / model.flaps[0].rate_limit,
         "tip_deflection": abs(moment / tip) / model.rbm_rms,
     }
     return np.array([factors[name] for name in observe])

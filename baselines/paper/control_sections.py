@@ -81,7 +81,7 @@ def gust_alleviation(
     """
     base = scores["lqg"]
     lengths = duration * model.wind_speed / model.length_scale
-    angle, rate = np.rad2deg([model.flap_angle_limit, model.flap_rate_limit])
+    angle, rate = np.rad2deg([model.flaps[0].angle_limit, model.flaps[0].rate_limit])
     head = ("controller", *(f"{label} [%]" for label in CHANGES.values()))
     head += (
         "largest angle [deg]",
@@ -223,7 +223,7 @@ def robustness(
         That of the design.
     """
     tables = []
-    step, often = 1e3 * model.time_step, np.rad2deg(model.flap_angle_limit) / 4.0
+    step, often = 1e3 * model.time_step, np.rad2deg(model.flaps[0].angle_limit) / 4.0
     names = list(changes)
     for first in range(0, len(names), ACROSS):
         some = names[first : first + ACROSS]

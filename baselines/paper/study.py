@@ -182,7 +182,7 @@ class Study:
             return named(
                 metrics=measure(record),
                 effects=measure_effects(record, self.study_turbine, self.model.rotor_speed),
-                duty=measure_duty(record, self.model.flap_angle_limit),
+                duty=measure_duty(record, self.model.flaps[0].angle_limit),
             )
 
         trial = Trial("score", self.realisations, self.duration)

@@ -40,7 +40,7 @@ class Condition:
     label : str
     model : TurbineModel
     settings : mapping
-        Keywords of the environment.
+        Keywords of the environment, by family.
     """
 
     label: str
@@ -79,12 +79,12 @@ def conditions(
             add(f"flap's effect x {factor:g}", partial(lambda weaker: weaker, weaker))
     for length in LENGTHS:
         if length != model.length_scale:
-            add(f"L = {length:g} m", lambda: model, length_scale=length)
+            add(f"L = {length:g} m", lambda: model, wind={"length_scale": length})
     for noise in NOISES:
-        add(f"noise {100 * noise:g} %", lambda: model, measurement_noise=noise * model.rbm_rms)
+        add(f"noise {100 * noise:g} %", lambda: model, sensors={"noise": noise * model.rbm_rms})
     for delay in DELAYS[1:]:
         late = delay * model.time_step
-        add(f"delay {delay} step{'s' * (delay > 1)}", lambda: model, sensor_delay=late)
+        add(f"delay {delay} step{'s' * (delay > 1)}", lambda: model, sensors={"delay": late})
     return found
 
 
@@ -94,7 +94,7 @@ def outcomes(
     """What agents do under a condition, by name; open loop meets the same wind on the same turbine."""
     model, settings = condition.model, condition.settings
     # Flaps at rest feel neither noise nor what they could do, but the wind.
-    wind = {name: value for name, value in settings.items() if name == "length_scale"}
+    wind = {name: value for name, value in settings.items() if name == "wind"}
 
     def taken(flyers: Sequence[Agent], settings: Mapping[str, Any]) -> list[Metrics]:
         own = replace(trial, settings=settings)
@@ -105,7 +105,7 @@ def outcomes(
 
     (reference,) = taken([OpenLoop()], wind)
     flown = dict(zip(agents, taken(list(agents.values()), settings), strict=True))
-    delay = round(settings.get("sensor_delay", 0.0) / model.time_step)
+    delay = round(settings.get("sensors", {}).get("delay", 0.0) / model.time_step)
     return {
         name: Outcome(
             paired_change(flown[name].rbm_rms, reference.rbm_rms),

@@ -140,9 +140,9 @@ def best_flap(free: Array, response: StateSpace, model: TurbineModel, hold: int 
     # The least mean square is no lower than the penalised optimum less all the penalty there can be.
     penalty = PENALTY * (1.0 - float(np.mean(stages[:, n] ** 2)))
     return Bound(
-        angle=model.flap_angle_limit * ends[:, 0],
-        rate=model.flap_rate_limit * ends[:, 1],
-        acceleration=model.acceleration_limit * stages[:, n],
+        angle=model.flaps[0].angle_limit * ends[:, 0],
+        rate=model.flaps[0].rate_limit * ends[:, 1],
+        acceleration=model.flaps[0].acceleration_limit * stages[:, n],
         rbm=MOMENT * rbm.ravel(),
         gap=(2.0 * abs(result.info.primal_obj - result.info.dual_obj) + penalty) / square,
         residual=_residual(result, programme),
@@ -236,9 +236,9 @@ def _lifted(response: StateSpace, model: TurbineModel, hold: int) -> StateSpace:
     but the angle may swing out.
     """
     dt, n = response.time_step, response.order
-    units = np.diag([model.flap_angle_limit, model.flap_rate_limit])
+    units = np.diag([model.flaps[0].angle_limit, model.flaps[0].rate_limit])
     turn = np.linalg.inv(units) @ np.array([[1.0, dt], [0.0, 1.0]]) @ units
-    kick = np.linalg.inv(units) @ np.array([[0.5 * dt**2], [dt]]) * model.acceleration_limit
+    kick = np.linalg.inv(units) @ np.array([[0.5 * dt**2], [dt]]) * model.flaps[0].acceleration_limit
     a = np.block([[response.A, response.B @ units], [np.zeros((2, n)), turn]])
     b = np.vstack([np.zeros((n, 1)), kick])
     c = np.hstack([response.C, response.D @ units]) / MOMENT

@@ -89,7 +89,7 @@ class PlannedFlap:
 
     def __init__(self, model: TurbineModel, plans: list[Bound], hold: int) -> None:
         self.steps_per_action = hold
-        self._limit, self._interval = model.acceleration_limit, hold * model.time_step
+        self._limit, self._interval = model.flaps[0].acceleration_limit, hold * model.time_step
         self._angle = np.array([plan.angle for plan in plans])
         self._rate = np.array([plan.rate for plan in plans])
         self._acceleration = np.array([plan.acceleration for plan in plans])

@@ -290,7 +290,7 @@ class Study:
         return _outcome(measured(agent, self.model, self.trial, self.cache, self.tell, self._taken))
 
     def _taken(self, record: Record) -> dict[str, Array]:
-        return named(metrics=measure(record), duty=measure_duty(record, self.model.flap_angle_limit))
+        return named(metrics=measure(record), duty=measure_duty(record, self.model.flaps[0].angle_limit))
 
 
 def margins_of(model: TurbineModel) -> dict[str, tuple[str, StateSpace]]:

@@ -6,13 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flapgym.envs.observation import task_of
 from flapgym.model import load_model
-from flapgym.plant import Setup, Start, layout, make_plant
+from flapgym.plant import Start, Stepping, chosen_backend, make_plant
 from flapgym.plant.disturbance import disturbance_system
 from reference.plant import run
 
 STEPS_PER_ACTION = 5
+FORMS = (("numpy", "float64"), ("auto", "float64"), ("auto", "float32"))
+"""Backend and precision."""
 
 
 def agreement(seconds: float, tell: Callable[[str], None]) -> dict[str, float]:
@@ -28,33 +29,36 @@ def agreement(seconds: float, tell: Callable[[str], None]) -> dict[str, float]:
     white = rng.standard_normal(steps + 1)
     tell(f"agreement: {steps:,} plain steps")
     wind = _wind(white)
-    acceleration = np.repeat(model.acceleration_limit * actions, STEPS_PER_ACTION, axis=0)
+    acceleration = np.repeat(model.flaps[0].acceleration_limit * actions, STEPS_PER_ACTION, axis=0)
     plain = run(model, acceleration, wind, azimuth=0.5)
     found = {}
-    for kernel, precision in (("numpy", "float64"), ("auto", "float64"), ("auto", "float32")):
-        setup = Setup(
-            STEPS_PER_ACTION, intervals, model.length_scale, True, precision=precision, kernel=kernel
+    for backend, precision in FORMS:
+        stepping = Stepping(
+            STEPS_PER_ACTION,
+            intervals,
+            model.length_scale,
+            every_sample=True,
+            record=True,
+            precision=precision,
         )
-        plant = make_plant(model, 1, setup, task_of(("rbm",), model, 3))
+        plant = make_plant(model, 1, stepping, backend)
         noise = np.zeros((1, plant.noise_count))
         noise[0, -steps - 1 :] = white
         rest = np.zeros((1, 3))
         start = Start(np.array([0.5]), rest, rest, np.array([model.turbulence_intensity]), noise)
         plant.reset(np.arange(1), start)
-        samples = np.empty((intervals, 1, STEPS_PER_ACTION, layout.SAMPLE))
-        observation, rows = np.empty(3, np.float32), np.empty(layout.ROW)
-        for action, room in zip(actions, samples, strict=True):
-            plant.step(action, observation, rows, room)
-        series = samples.reshape(steps, layout.SAMPLE)
+        series = np.concatenate([plant.step(action[None]).samples[0] for action in actions])
+        places = plant.quantities.sample
         errors = [
-            np.abs(series[:, column : column + width] - expected[1:]).max() / np.abs(expected).max()
-            for column, width, expected in (
-                (layout.SAMPLE_RBM, 3, plain.rbm),
-                (layout.SAMPLE_TIP, 3, plain.tip_deflection),
-                (layout.SAMPLE_TOWER, 2, plain.tower),
+            np.abs(series[:, places[name]] - expected[1:]).max() / np.abs(expected).max()
+            for name, expected in (
+                ("rbm", plain.rbm),
+                ("tip_deflection", plain.tip_deflection),
+                ("tower_fore_aft", plain.tower[:, :1]),
+                ("tower_side_side", plain.tower[:, 1:]),
             )
         ]
-        found[f"{type(plant).__name__}, {precision}"] = float(max(errors))
+        found[f"{chosen_backend(backend)}, {precision}"] = float(max(errors))
     return found
 
 

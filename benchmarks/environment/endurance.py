@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import resource
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,9 +44,9 @@ def endure(plant_steps: int, tell: Callable[[str], None]) -> list[Endurance]:
     results = []
     for entry in ENVIRONMENTS:
         tell(f"endurance: {entry.id}")
-        env = gymnasium.make_vec(
-            entry.id, num_envs=COUNT, steps_per_action=STEPS_PER_ACTION, wind={"pool": _pool(entry.keywords)}
-        )
+        wind = _pooled(entry.keywords.get("wind", {}))
+        spec = gymnasium.spec(entry.id)  # so that no version is called out of date
+        env = gymnasium.make_vec(spec, num_envs=COUNT, steps_per_action=STEPS_PER_ACTION, wind=wind)
         env.reset(seed=0)
         rng = np.random.default_rng(0)
         calls = max(10, plant_steps // (COUNT * STEPS_PER_ACTION))
@@ -66,9 +66,9 @@ def endure(plant_steps: int, tell: Callable[[str], None]) -> list[Endurance]:
     return results
 
 
-def _pool(keywords: Any) -> int:
-    """A pool, so that time goes into steps; a gust has none."""
-    return 0 if "gust" in keywords else 64
+def _pooled(wind: Mapping[str, Any]) -> dict[str, Any]:
+    """The wind from a pool, so that time goes into steps; a gust has none."""
+    return dict(wind) if "gust" in wind else {**wind, "pool": 64}
 
 
 def _peak() -> float:

@@ -7,14 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from flapgym.envs.observation import task_of
 
 from benchmarks.environment.timing import best_of
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
 from flapgym.model import TurbineModel, load_model
 from flapgym.model.compact import compact_model
-from flapgym.plant import Setup, Start, layout, make_plant
+from flapgym.plant import Start, Stepping, make_plant
 from flapgym.plant.modal import modal_form
 from flapgym.turbine import load_case
 from studies.parts import Study
@@ -84,12 +83,14 @@ def by_modes(model: TurbineModel, steps: int) -> Callable[[], None]:
 
 
 def by_plant(
-    model: TurbineModel, turbines: int, steps_per_action: int, kernel: str, precision: str, steps: int
+    model: TurbineModel, turbines: int, steps_per_action: int, backend: str, precision: str, steps: int
 ) -> Callable[[], None]:
     """The plant as the environments step it, without their Python."""
     actions = steps // steps_per_action
-    setup = Setup(steps_per_action, actions, model.length_scale, precision=precision, kernel=kernel, pool=16)
-    plant = make_plant(model, turbines, setup, task_of(("rbm",), model, 3))
+    stepping = Stepping(
+        steps_per_action, actions, model.length_scale, displacements=False, precision=precision, pool=16
+    )
+    plant = make_plant(model, turbines, stepping, backend)
     rng = np.random.default_rng(0)
     flaps = np.zeros((turbines, 3))
     start = Start(
@@ -100,14 +101,13 @@ def by_plant(
         realisation=np.arange(turbines) % 16,
     )
     everyone = np.arange(turbines)
-    commands = rng.uniform(-1.0, 1.0, (actions, 3 * turbines)).astype(np.float32)
-    observation, rows = np.empty(3 * turbines, np.float32), np.empty(layout.ROW * turbines)
+    commands = rng.uniform(-1.0, 1.0, (actions, turbines, 3)).astype(np.float32)
     plant.reset(everyone, start)
 
     def call() -> None:
         # Past the end of the episode a plant stays at its last interval: time is not spent on resets.
         for command in commands:
-            plant.step(command, observation, rows)
+            plant.step(command)
 
     return call
 
@@ -125,16 +125,16 @@ def measure(
         Form("A(theta) table, individual azimuths", MOST_TABLED, order, 10): by_table(table, MOST_TABLED, 10),
         Form("modal, plain numpy", 1, states, 2000): by_modes(model, 2000),
     }
-    kernels = [("numpy", "float64"), ("numba", "float64"), ("numba", "float32")]
-    for kernel, precision in kernels:
-        if importlib.util.find_spec(kernel) is None:
-            tell(f"left out: {kernel}, which is not installed")
+    backends = [("numpy", "float64"), ("numba", "float64"), ("numba", "float32")]
+    for backend, precision in backends:
+        if importlib.util.find_spec(backend) is None:
+            tell(f"left out: {backend}, which is not installed")
             continue
         for count in counts:
             for k in (1, 5):
                 steps = 20 * k if count > 16 else 100 * k
-                name = f"plant, {kernel} {precision}, {k} steps an action"
-                calls[Form(name, count, states, steps)] = by_plant(model, count, k, kernel, precision, steps)
+                name = f"plant, {backend} {precision}, {k} steps an action"
+                calls[Form(name, count, states, steps)] = by_plant(model, count, k, backend, precision, steps)
     best = best_of(calls, seconds, rounds, tell)
     return {form: form.steps * form.turbines / time for form, time in best.items()}
 

@@ -1,7 +1,8 @@
 """What the machine can do at most: multiply-adds and memory, by the compiler the plant is made with.
 
-An action of k steps takes a batch two multiply-adds a complex mode for each of its 3 k + 6 outputs, four of the mode
-and twelve for what each step adds, so its distance from the machine is a quotient of two measurements.
+An action of k steps takes a turbine three products: modes to rows (rows x 2 M), what decides the flaps' motion to rows
+(rows x Q) and to modes (2 M x Q), and four multiply-adds a mode for its decay. So the plant's distance from the machine
+is a quotient of two measurements.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import numpy as np
 
 from benchmarks.environment.timing import best_of
 from flapgym.model import TurbineModel
-from flapgym.plant import layout
-from flapgym.plant.kernel import prepare
+from flapgym.plant import Stepping
+from flapgym.plant.parameters import Parameters, parameters_of, prepare
 
 LENGTH = 1 << 22
 """Numbers of the arrays whose sum is taken: more than the caches of a core hold."""
@@ -24,11 +25,10 @@ def limits(seconds: float, rounds: int, tell: Callable[[str], None]) -> dict[str
     """Multiply-adds per second in registers and bytes per second from memory, in both precisions."""
     from numba import njit
 
-    from flapgym.plant.compiled_loops import OPTIONS, widest_vectors
+    from flapgym.plant.backends.numba import OPTIONS
 
     @njit(**OPTIONS)
     def multiply_add(x: Any, turns: int) -> Any:
-        widest_vectors()
         total = np.zeros(256, x.dtype)
         factor, addend = x[0], x[1]
         for start in range(0, 256, 128):
@@ -58,7 +58,6 @@ def limits(seconds: float, rounds: int, tell: Callable[[str], None]) -> dict[str
 
     @njit(**OPTIONS)
     def triad(a: Any, b: Any, c: Any) -> None:
-        widest_vectors()
         for i in range(a.size):
             a[i] = b[i] + c[i]
 
@@ -85,14 +84,19 @@ def _bound(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
 
 
 def work_per_step(model: TurbineModel, steps_per_action: int) -> float:
-    """Multiply-adds of a plant step of one turbine in a batch."""
-    kernel = prepare(model, steps_per_action, model.length_scale, False)
-    of_mode = 2 * kernel.rows.count + 4 + 2 * layout.STEP_INPUTS * steps_per_action
-    return kernel.flap.order * of_mode / steps_per_action
+    """Multiply-adds of a plant step of one turbine that meets no stop."""
+    p = constants(model, steps_per_action)
+    return (p.read.size + p.feed.size + p.push.size + 2 * p.decay.size) / steps_per_action
 
 
 def memory_per_turbine(model: TurbineModel, intervals: int, steps_per_action: int, precision: str) -> int:
-    """Bytes of modes, record and response to the wind."""
-    size = np.dtype(precision).itemsize
-    modes = 2 * layout.LANES * -(-prepare(model, 1, model.length_scale, False).flap.order // layout.LANES)
-    return size * (modes + intervals * (3 * steps_per_action + 6)) + 8 * layout.OWN
+    """Bytes of a turbine's modes, flaps and response to the wind."""
+    p = constants(model, steps_per_action)
+    rows = p.read.shape[0] + p.kept
+    return np.dtype(precision).itemsize * (p.read.shape[1] + intervals * rows) + 8 * 4 * p.angle_limit.size
+
+
+def constants(model: TurbineModel, steps_per_action: int) -> Parameters:
+    """The constants of a step that tells root moments and wind alone, as the plant is timed."""
+    stepping = Stepping(steps_per_action, 1, model.length_scale, displacements=False)
+    return parameters_of(model, stepping, prepare(model, stepping))

@@ -1,4 +1,4 @@
-"""Environment steps per second: flapgym by number of turbines and kernel, Gymnasium's, MuJoCo's and envpool's."""
+"""Environment steps per second: flapgym by number of turbines and backend, Gymnasium's, MuJoCo's and envpool's."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Subject:
         "single" (through `make`), "native" (its own vector environment), "sync" (`SyncVectorEnv`) or "envpool".
     steps_per_action : int
         Plant steps of one environment step.
-    kernel, precision : str
+    backend, precision : str
         Of flapgym.
     """
 
@@ -45,7 +45,7 @@ class Subject:
     count: int
     how: str
     steps_per_action: int = 1
-    kernel: str = ""
+    backend: str = ""
     precision: str = ""
 
 
@@ -79,7 +79,7 @@ def missing(subject: Subject) -> str | None:
     """The library a subject needs and this machine has not, if any."""
     needed = {"envpool": "envpool"}.get(subject.how)
     needed = {CHEETAH: "mujoco", JAX_PENDULUM: "flax"}.get(subject.name, needed)
-    if subject.kernel == "numba":
+    if subject.backend == "numba":
         needed = "numba"
     return needed if needed is not None and importlib.util.find_spec(needed) is None else None
 
@@ -90,9 +90,9 @@ def stepper(subject: Subject) -> Callable[[], Any]:
     if subject.name == FLAPGYM:
         keywords = {
             "steps_per_action": subject.steps_per_action,
-            "kernel": subject.kernel,
+            "backend": subject.backend,
             "precision": subject.precision,
-            "realisation_pool": 16,
+            "wind": {"pool": 16},
         }
     if subject.how == "envpool":
         return _envpool(subject)

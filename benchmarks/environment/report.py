@@ -29,7 +29,9 @@ def peers_table(rates: Mapping[Subject, float]) -> str:
     rows = []
     for subject, rate in rates.items():
         form = "single" if subject.how == "single" else "vector"
-        what = subject.name if subject.name != FLAPGYM else f"{FLAPGYM}, {subject.kernel} {subject.precision}"
+        what = (
+            subject.name if subject.name != FLAPGYM else f"{FLAPGYM}, {subject.backend} {subject.precision}"
+        )
         rows.append(
             [
                 what,

@@ -35,7 +35,7 @@ for _ in range(20):
     mark("reset of 267 s")
     resets.append(times["reset of 267 s"])
 times["reset of 267 s"] = min(resets)
-pooled = gymnasium.make("flapgym/NREL5MW-v1", duration=267.0, realisation_pool=2)
+pooled = gymnasium.make("flapgym/NREL5MW-v1", duration=267.0, wind={"pool": 2})
 for seed in range(20):
     pooled.reset(seed=seed)
 last = time.perf_counter()

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
-import os
 import sys
 import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 
 from benchmarks.errors.entry import Section, line_of
 from benchmarks.errors.files import FILES
-from flapgym.core.atomic import write_atomically
+from flapgym.core.atomic import check_target, write_atomically
+from flapgym.core.program import Parser, Work, run
 
 SECTIONS: tuple[Section, ...] = (*FILES,)
 """Of the page, in this order."""
@@ -41,15 +43,34 @@ def page() -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the program; return its exit code."""
-    given = list(sys.argv[1:] if arguments is None else arguments)
-    if len(given) > 1:
-        print("usage: python -m benchmarks.errors [FILE]", file=sys.stderr)
-        return 2
-    if given:
-        write_atomically(os.path.abspath(given[0]), page().encode())
-    else:
-        print(page())
-    return 0
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    if options.file is not None:
+        check_target(options.file)
+
+    def work() -> int:
+        if options.file is None:
+            print(page())
+        else:
+            write_atomically(options.file.absolute(), page().encode())
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m benchmarks.errors", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.errors")
+    parser.add_argument(
+        "file",
+        nargs="?",
+        type=Path,
+        metavar="FILE",
+        help="the page, such as docs/errors.md; default: printed",
+    )
+    return parser
 
 
 if __name__ == "__main__":

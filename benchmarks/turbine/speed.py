@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from flapgym.envs.observation import task_of
 
 from benchmarks.aerodynamics import table
 from benchmarks.turbine.accuracy import AZIMUTH, REFRESH, signals, time_invariant
@@ -19,7 +18,7 @@ from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, step_matrices
 from flapgym.core.arrays import Array
 from flapgym.model import TurbineModel, load_model
-from flapgym.plant import Setup, Start, layout, make_plant
+from flapgym.plant import Start, Stepping, make_plant
 from flapgym.plant.modal import modal_form
 from reference.full import march_turbine
 from studies.parts import Study, Tell
@@ -70,17 +69,15 @@ def assembled(study: Study, u: Array, refresh: int) -> Array:
 def fly(model: TurbineModel, turbines: int, steps: int) -> None:
     """Step so many turbines as the environment does: flaps' actuators, turbulence's response computed at reset."""
     actions = steps // STEPS_PER_ACTION
-    task = task_of(("rbm",), model, 3)
-    plant = make_plant(model, turbines, Setup(STEPS_PER_ACTION, actions, model.length_scale), task)
+    plant = make_plant(model, turbines, Stepping(STEPS_PER_ACTION, actions, model.length_scale))
     rng = np.random.default_rng(0)
     still = np.zeros((turbines, 3))
     noise = rng.standard_normal((turbines, plant.noise_count))
     start = Start(np.zeros(turbines), still, still, np.full(turbines, 0.1), noise)
     plant.reset(np.arange(turbines), start)
-    push = rng.uniform(-1.0, 1.0, 3 * turbines)
-    observation, rows = np.empty(3 * turbines, np.float32), np.empty(layout.ROW * turbines)
+    push = rng.uniform(-1.0, 1.0, (turbines, 3))
     for _ in range(actions):
-        plant.step(push, observation, rows, np.empty((0, 0, 0)))
+        plant.step(push)
         push = -push
 
 

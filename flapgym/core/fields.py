@@ -559,7 +559,7 @@ def _plain_value(spec: Any, value: Any, name: str) -> Any:
 
 def _places(name: str, count: int) -> list[str]:
     """What messages call the entries of a list; one by itself needs no number."""
-    return [f"{name}[{i}]" for i in range(count)] if count > 1 else [name]
+    return [f"{name}[{i}]" for i in range(count)] if count != 1 else [name]
 
 
 def _key(of: Field[Any]) -> str:

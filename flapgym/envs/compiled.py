@@ -21,6 +21,7 @@ from flapgym.plant.backends.numba import (
     own_after,
     packed,
     parameters_in,
+    run_kept,
     turbine_in,
     turbine_packed,
     turbine_unpacked,
@@ -97,6 +98,19 @@ class CompiledTurbine:
         table = (scoring.columns, scoring.factors, scoring.bounds, scoring.noisy)
         self._scoring = np.concatenate([head, *table], dtype=float)
         self.load(np.empty((0, 0)))
+        # A step that leaves no trace: code is compiled or read now, and no step waits for it.
+        still = np.zeros(plant.parameters.angle_limit.size, dtype=np.float32)
+        run_kept(
+            _step,
+            self._matrices,
+            self._numbers,
+            self._responses,
+            self._scoring,
+            self._noise,
+            self._own,
+            self._modes,
+            still,
+        )
 
     def load(self, noise: Array) -> None:
         """Take the plant's turbine, and its measurement noise (intervals + 1, blades) [N m], or none of size 0."""

@@ -188,6 +188,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """The turbine in compiled code, where there is any."""
         plant = self._turbines.plant
         if not (self._turbines.compiles and isinstance(plant, LinearPlant)):
+            self._turbines.get_ready()
             return None
         from flapgym.envs.compiled import CompiledTurbine
 
@@ -237,7 +238,12 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._compiled is None:
             return self._step_uncompiled(action)
         # The very objects, as of every plain array: what else holds numbers is read first.
-        if action.__class__ is not np.ndarray or action.dtype is not FLOAT32 or action.ndim != 1:
+        if (
+            action.__class__ is not np.ndarray
+            or action.dtype is not FLOAT32
+            or action.ndim != 1
+            or not action.flags.carray  # the compiled code takes no other
+        ):
             action = numbers(action, self.action_space.shape or ())
         elif action.shape != self.action_space.shape:
             numbers(action, self.action_space.shape or ())

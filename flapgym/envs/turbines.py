@@ -133,6 +133,11 @@ class Turbines:
             and chosen_backend(self.settings.backend) == "numba"
         )
 
+    def get_ready(self) -> None:
+        """Wait now for code that has to be compiled, and not at the first step."""
+        if isinstance(self.plant, LinearPlant):
+            self.plant.get_ready()
+
     def noise_of(self, turbine: int) -> Array:
         """Measurement noise of a turbine over its episode, (intervals + 1, blades) [N m], or of size 0."""
         return self._noise[turbine]

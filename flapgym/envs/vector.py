@@ -100,6 +100,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             raise ValueError(
                 f"num_envs: {num_envs} turbines do not fit into memory ({error}); take fewer"
             ) from None
+        self._turbines.get_ready()
         if limit is not None and limit != self._turbines.stepping.intervals:
             raise ValueError(
                 f"max_episode_steps: expected {self._turbines.stepping.intervals}, the actions of the duration of "

@@ -18,7 +18,7 @@ from flapgym.core.wording import shown
 from flapgym.envs.task import OBSERVABLES
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
-from flapgym.evaluation.simulate import simulate_together
+from flapgym.evaluation.simulate import get_ready, simulate_together
 from flapgym.model.nameplate import Nameplate, nameplate
 from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
 
@@ -165,6 +165,7 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
     parts: dict[str, list[Metrics]] = {agent.name: [] for agent in agents}
     records: dict[str, Record] = {}
     samples = len(agents) * len(seeds) * round(duration / model.time_step)
+    get_ready(model)
     with ProgressBar(
         total=samples, disable=not progress, unit=" steps", unit_scale=True, mininterval=0.5
     ) as bar:

@@ -80,6 +80,11 @@ def simulate_together(
     return [records[index] for index in range(len(agents))]
 
 
+def get_ready(model: TurbineModel) -> None:
+    """Wait now for code that has to be compiled, which says so in a line of its own, and not under a progress bar."""
+    FlapVectorEnv(model=model).close()
+
+
 def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **settings: Any) -> Array:
     """Wind perturbation of each realisation at samples 1 to so many, (N, samples) [m/s]; no agent changes it."""
     return simulate(OpenLoop(), model, seeds, samples * model.time_step, **settings).wind

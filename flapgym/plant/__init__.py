@@ -6,7 +6,7 @@ Pure functions over named arrays: `step(parameters, episode, state, actions) -> 
 
 from __future__ import annotations
 
-import importlib.util
+from importlib import import_module
 from typing import Protocol
 
 from flapgym.core.arrays import Array, FloatArray, IntArray
@@ -97,16 +97,21 @@ def chosen_backend(backend: str, precision: str = "float64") -> str:
     ValueError
         If backend or precision is unknown.
     ImportError
-        If numba is asked for and is not installed.
+        If numba is asked for and cannot be imported.
     """
     Choice(BACKENDS).check(backend, "backend")
     Choice(PRECISIONS).check(precision, "precision")
-    installed = importlib.util.find_spec("numba") is not None
-    if backend == "numba" and not installed:
-        raise ImportError('backend: numba is not installed; pip install numba, or take "numpy"')
-    if backend == "auto":
-        return "numba" if installed else "numpy"
-    return backend
+    if backend == "numpy":
+        return backend
+    try:
+        import_module("flapgym.plant.backends.numba")  # a second, for those who step
+    except ImportError as error:  # missing, or behind the NumPy that is here
+        if backend == "auto":
+            return "numpy"
+        raise ImportError(
+            f'backend: numba cannot be imported ({error}); pip install numba, or take "numpy"'
+        ) from None
+    return "numba"
 
 
 def make_plant(model: TurbineModel, count: int, stepping: Stepping, backend: str = "auto") -> Plant:
@@ -117,14 +122,11 @@ def make_plant(model: TurbineModel, count: int, stepping: Stepping, backend: str
     ValueError
         If the backend or the precision is unknown.
     ImportError
-        If numba is asked for and is not installed.
+        If numba is asked for and cannot be imported.
     """
     chosen = chosen_backend(backend, stepping.precision)
     Count(at_least=1).check(count, "make_plant.count")
     if model.periodic is not None and not stepping.single_blade:
         return PeriodicPlant(model, count, stepping)
-    if chosen == "numpy":
-        from flapgym.plant.backends.numpy import step
-    else:
-        from flapgym.plant.backends.numba import step  # a second of imports, for those who step
+    step = import_module(f"flapgym.plant.backends.{chosen}").step
     return LinearPlant(model, count, stepping, step)

@@ -107,6 +107,11 @@ class LinearPlant:
         responses = self._responses
         self.episode = Episode(azimuths, responses.rows, responses.place, responses.level)
 
+    def get_ready(self) -> None:
+        """Take a step that leaves no trace: code is compiled or read now, and no later step waits for it."""
+        still = np.zeros((self.count, self.parameters.angle_limit.size))
+        self._step(self.parameters, self.episode, self.state, still)
+
     def step(self, actions: FloatArray) -> Loads:
         """Hold actions (n, blades F), finite fractions of the acceleration limits, for k plant steps."""
         self.state, loads = self._step(self.parameters, self.episode, self.state, actions)

@@ -127,7 +127,7 @@ def _metrics(factor, angle):
 
 
 def test_scores_are_changes_and_count_the_realisations_at_the_stop():
-    limit = MODEL.flap_angle_limit
+    limit = MODEL.flaps[0].angle_limit
     angles = np.array([0.5, 1.0, 0.9, 1.0]) * limit
     open_loop = _metrics(1.0, 0.0 * angles)
     found = score(_metrics(0.8, angles), open_loop, _metrics(0.75, angles), MODEL)

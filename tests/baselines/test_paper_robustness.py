@@ -71,8 +71,8 @@ def test_an_outcome_is_against_open_loop_under_the_same_condition(tmp_path):
         condition.label: outcomes({"lqg": agent}, condition, trial, cache, lambda name: None)
         for condition in (
             Condition("as designed", MODEL),
-            Condition("noise", MODEL, {"measurement_noise": 0.5 * MODEL.rbm_rms}),
-            Condition("late", MODEL, {"sensor_delay": 40 * MODEL.time_step}),
+            Condition("noise", MODEL, {"sensors": {"noise": 0.5 * MODEL.rbm_rms}}),
+            Condition("late", MODEL, {"sensors": {"delay": 40 * MODEL.time_step}}),
         )
     }
     designed, noise, delayed = (row["lqg"] for row in found.values())

@@ -65,10 +65,10 @@ def test_the_motion_is_the_double_integrators_and_keeps_its_stops(bound):
     np.testing.assert_allclose(bound.motion(5, MODEL.time_step), motion[1:], atol=1e-6)
     np.testing.assert_allclose(motion[::5, 0], bound.angle, atol=1e-6)
     np.testing.assert_allclose(motion[::5, 1], bound.rate, atol=1e-6)
-    share = np.abs(motion) / [MODEL.flap_angle_limit, MODEL.flap_rate_limit]
+    share = np.abs(motion) / [MODEL.flaps[0].angle_limit, MODEL.flaps[0].rate_limit]
     assert (share.max(axis=0) < 1.0 + 1e-5).all()
     assert share[:, 0].max() > 0.99
-    assert np.abs(bound.acceleration).max() <= MODEL.acceleration_limit * (1.0 + 1e-6)
+    assert np.abs(bound.acceleration).max() <= MODEL.flaps[0].acceleration_limit * (1.0 + 1e-6)
 
 
 def test_the_moment_is_the_models_answer_to_the_motion(bound):
@@ -129,7 +129,9 @@ def test_the_plan_is_played_back_as_planned():
     played = simulate(PlannedFlap(loose, plans, 5), loose, seeds, seconds)
     for plan, angle, rbm in zip(plans, played.flap_angle, played.rbm, strict=True):
         ends = angle[4::5, 1]
-        np.testing.assert_allclose(ends, plan.angle[1 : ends.size + 1], atol=5e-3 * MODEL.flap_angle_limit)
+        np.testing.assert_allclose(
+            ends, plan.angle[1 : ends.size + 1], atol=5e-3 * MODEL.flaps[0].angle_limit
+        )
         np.testing.assert_allclose(rbm[: plan.rbm.size, 2], plan.rbm, atol=1e-2 * np.abs(free).max())
 
 
@@ -173,7 +175,7 @@ def test_stationary_duty_is_that_of_the_simulation():
     """Lyapunov's rms, and 2 / pi of products of rms, against what the flap did in half an hour."""
     agent = pid_agent("pid", MODEL, PIDGains(3e-8, 0.1, 0.1, 12.0, 0.8, 1.0, 2.0))
     record = simulate(agent, MODEL, range(70, 88), 100.0)
-    assert np.abs(record.flap_angle).max() < MODEL.flap_angle_limit
+    assert np.abs(record.flap_angle).max() < MODEL.flaps[0].angle_limit
     settled = replace(record, flap_angle=record.flap_angle[:, 2000:], flap_rate=record.flap_rate[:, 2000:])
     expected, ours = _stationary(stationary_rms(MODEL, agent.system), 1.0), measure_duty(settled, 1.0)
     for name in ("travel", "rate_rms", "inertial_power", "hinge_power"):

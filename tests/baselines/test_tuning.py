@@ -33,7 +33,7 @@ BENCH = Bench(MODEL, Tuning(5, 2, 0.54, LQG, LQG, PD, PID, PID), 30.0, lambda na
 
 def test_the_rule_brings_the_flap_just_to_its_stop():
     for tuned in (tune_lqg(BENCH), tune_pd(BENCH), tune_pid(BENCH)):
-        assert tuned.design["tuning_flap_angle_max"] == pytest.approx(MODEL.flap_angle_limit, rel=0.01)
+        assert tuned.design["tuning_flap_angle_max"] == pytest.approx(MODEL.flaps[0].angle_limit, rel=0.01)
         assert BENCH.stroke(tuned.agent) == pytest.approx(1.0, abs=0.006)
 
 
@@ -82,7 +82,7 @@ def test_no_candidate_with_the_disk_margin_is_said_with_those_found(monkeypatch)
 def test_the_saturating_design_reduces_more_than_the_limit_respecting_one():
     gentle, fierce = tune_lqg(BENCH), tune_saturating(BENCH)
     assert fierce.design["tuning_rbm_rms"] < 0.9 * gentle.design["tuning_rbm_rms"]
-    assert fierce.design["tuning_flap_angle_max"] <= MODEL.flap_angle_limit
+    assert fierce.design["tuning_flap_angle_max"] <= MODEL.flaps[0].angle_limit
 
 
 def test_tilt_and_yaw_get_as_much_gain_as_the_disk_margin_allows():

@@ -35,7 +35,7 @@ def test_flaps_of_the_closed_loop_load_the_turbine_as_in_the_plain_plant(model):
 
         def predict(self, observation, state=None):
             action, state = agent.predict(observation, state)
-            commands.append(model.acceleration_limit * action)
+            commands.append(model.flaps[0].acceleration_limit * action)
             return action, state
 
     wind = wind_of("gust", model, 0.0)[:600]

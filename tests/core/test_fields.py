@@ -150,7 +150,8 @@ def test_an_object_of_another_s_class_passes_where_it_has_what_is_asked_for():
             r"actuators.stuck\[1\]: expected an angle from -10 to 10 deg, got 57",
         ),
         ({"more": {}}, "more: expected a list of mappings, got {}"),
-        ({"more": [{"lag": -1}]}, r"more\[0\].lag: expected a time from 0 to 60 s, got -1 s"),
+        ({"more": [{"lag": -1}]}, r"more.lag: expected a time from 0 to 60 s, got -1 s"),
+        ({"more": [{}, {"lag": -1}]}, r"more\[1\].lag: expected a time from 0 to 60 s, got -1 s"),
         (
             {"shape": "square"},
             "shape: expected a mapping such as {'kind': 'square', 'side': 1.0}, got 'square'",

@@ -49,9 +49,9 @@ def test_the_agent_acts_as_the_policy_that_was_trained(name, tmp_path):
     observation = rng.normal(size=(2, 9)) * np.repeat([1.0, 0.1, 1.0], 3)
     action, _ = agent.predict(observation.astype(np.float32))
     rows = observation.reshape(2, 3, 3).transpose(0, 2, 1).reshape(6, 3)
-    rows = (rows * [1e6 / model.rbm_rms, 1 / model.flap_angle_limit, 1 / model.flap_rate_limit]).astype(
-        np.float32
-    )
+    rows = (
+        rows * [1e6 / model.rbm_rms, 1 / model.flaps[0].angle_limit, 1 / model.flaps[0].rate_limit]
+    ).astype(np.float32)
     expected, _ = algorithm.predict(rows, deterministic=True)
     np.testing.assert_allclose(action.ravel(), expected.ravel(), atol=1e-5)
 

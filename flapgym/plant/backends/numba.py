@@ -6,13 +6,18 @@ once, with the turbines innermost. numba keeps what it compiled on disk.
 
 from __future__ import annotations
 
+import contextlib
+import inspect
 import math
+import sys
 import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import njit
+from numba.core import event
+from numba.core.caching import NullCache
 
 from flapgym.core.arrays import BLADES, Array, FloatArray
 from flapgym.plant import actuator, parameters
@@ -39,6 +44,51 @@ def kept(function: Any) -> Any:
         return njit(cache=True, **OPTIONS)(function)
     except RuntimeError:  # numba may write neither beside this file nor in the user's cache folder
         return njit(**OPTIONS)(function)
+
+
+def run_kept(function: Any, *arguments: Any) -> Any:
+    """Call a pure function whose code is kept; files damaged there are removed, and nothing there is needed."""
+    try:
+        return function(*arguments)
+    except Exception:
+        # Numba unpickles what it kept, and of a file that is empty or cut comes any error.
+        source = inspect.getfile(function.py_func)
+        with contextlib.suppress(OSError, TypeError):
+            for damaged in Path(function.stats.cache_path).glob(f"{Path(source).stem}.*.nb?"):
+                damaged.unlink()
+    try:
+        return function(*arguments)
+    except OSError:  # the folder is gone since numba chose it
+        function._cache = NullCache()
+        return function(*arguments)
+
+
+class _Announcement(event.Listener):
+    """Says so when code of this package is compiled in earnest, not when it is read from where it is kept."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._depth = 0
+
+    def on_start(self, event: Any) -> None:
+        """One line for all functions that are compiled within the first."""
+        function = event.data["dispatcher"]
+        if self._depth == 0 and function.py_func.__module__.startswith("flapgym."):
+            kept_at = function.stats.cache_path
+            once = "once for this installation"
+            if kept_at is None:
+                once = "for this process alone, since no folder keeps it (name one in NUMBA_CACHE_DIR)"
+            if sys.stderr is not None:
+                sys.stderr.write(f"flapgym: compiling the turbine's step, {once} (some tens of seconds)\n")
+                sys.stderr.flush()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Count."""
+        self._depth -= 1
+
+
+event.register("numba:compile", _Announcement())
 
 
 flap_step = njit(inline="always", **OPTIONS)(actuator.flap_step)
@@ -401,5 +451,6 @@ _step = _entry(EDITION)
 
 def step(parameters: Parameters, episode: Episode, state: State, actions: FloatArray) -> tuple[State, Loads]:
     """Hold actions for k plant steps; as `flapgym.plant.backends.numpy.step`."""
-    after, loads = _step(parameters, episode, state, actions)
+    # Of one type: for another the code would be compiled anew, in the midst of an episode.
+    after, loads = run_kept(_step, parameters, episode, state, np.array(actions, dtype=float))
     return after, loads

@@ -1,4 +1,4 @@
-"""Where compiled code is kept: nothing needs to be writable, and damaged files are mended."""
+"""The compiled plant: nothing needs to be writable, damaged files are mended, and who waits is told so first."""
 
 import importlib.util
 import os
@@ -9,13 +9,16 @@ from pathlib import Path
 
 import pytest
 
+from flapgym.plant import chosen_backend
+
 numba = pytest.importorskip("numba")
 
-from flapgym.plant.compiled import kept  # noqa: E402 (needs numba)
-from flapgym.plant.compiled_plant import compile_kept  # noqa: E402
+from flapgym.plant.backends.numba import kept, run_kept  # noqa: E402 (needs numba)
 
-ROOT = Path(__file__).parents[2]
-ARGUMENTS = (numba.types.float64, numba.types.float64)
+ROOT = Path(__file__).parents[1]
+MAKE = (
+    "import gymnasium, flapgym; print(gymnasium.make('flapgym/NREL5MW-v1', backend='numba').reset()[0].shape)"
+)
 
 
 def dispatcher(folder):
@@ -27,9 +30,9 @@ def dispatcher(folder):
     return kept(module.add)
 
 
-def compiled(folder):
+def called(folder):
     function = dispatcher(folder)
-    assert compile_kept(function, numba.types.float64(*ARGUMENTS))(1.0, 2.0) == 3.0
+    assert run_kept(function, 1.0, 2.0) == 3.0
     return function
 
 
@@ -43,34 +46,34 @@ def writable(tmp_path, monkeypatch):
 @pytest.mark.parametrize("what", ["nbi", "nbc"])
 @pytest.mark.parametrize("how", ["empty", "halved", "garbage"])
 def test_a_damaged_file_is_compiled_anew_and_mended(writable, how, what):
-    compiled(writable)
+    called(writable)
     (path,) = (writable / "__pycache__").glob(f"*.{what}")
     content = path.read_bytes()
     path.write_bytes({"empty": b"", "halved": content[: len(content) // 2], "garbage": b"\xff" * 99}[how])
-    compiled(writable)
-    assert sum(compiled(writable).stats.cache_hits.values()) == 1
+    called(writable)
+    assert sum(called(writable).stats.cache_hits.values()) == 1
 
 
 def test_where_nothing_can_be_written_code_is_compiled_for_the_process(writable, monkeypatch):
     (writable / "__pycache__").write_text("no folder")
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/cache")
     monkeypatch.setenv("HOME", "/dev/null")
-    assert compiled(writable).stats.cache_path is None
+    assert called(writable).stats.cache_path is None
 
 
-def test_code_that_cannot_be_kept_is_used_all_the_same(writable, monkeypatch):
+def test_code_that_cannot_be_kept_is_used_all_the_same(writable):
     function = dispatcher(writable)
     shutil.rmtree(writable / "__pycache__")
     (writable / "__pycache__").write_text("no folder any more")
-    assert compile_kept(function, numba.types.float64(*ARGUMENTS))(1.0, 2.0) == 3.0
+    assert run_kept(function, 1.0, 2.0) == 3.0
 
 
-def test_an_environment_is_made_where_package_and_home_are_read_only(tmp_path):
+def test_an_environment_is_made_where_package_and_home_are_read_only_and_says_why_it_takes_long(tmp_path):
     shutil.copytree(ROOT / "flapgym", tmp_path / "flapgym", ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / "flapgym" / "plant" / "__pycache__").write_text("no folder")
-    program = "import gymnasium, flapgym; print(gymnasium.make('flapgym/NREL5MW-v0', kernel='numba').reset()[0].shape)"
+    for folder in ("plant/backends", "envs"):
+        (tmp_path / "flapgym" / folder / "__pycache__").write_text("no folder")
     run = subprocess.run(
-        [sys.executable, "-c", program],
+        [sys.executable, "-c", MAKE],
         env={"PATH": os.environ["PATH"], "PYTHONPATH": str(tmp_path), "HOME": "/dev/null"},
         cwd=tmp_path,
         check=True,
@@ -78,4 +81,24 @@ def test_an_environment_is_made_where_package_and_home_are_read_only(tmp_path):
         text=True,
     )
     assert run.stdout == "(3,)\n"
-    assert "for this process alone, since no folder keeps it (name one in NUMBA_CACHE_DIR)" in run.stderr
+    (line,) = run.stderr.splitlines()
+    assert line.startswith("flapgym: compiling the turbine's step, for this process alone")
+    assert "name one in NUMBA_CACHE_DIR" in line
+
+
+def test_code_that_is_kept_is_not_announced():
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", MAKE], env=environment, check=True, capture_output=True, text=True
+        )
+        for _ in range(2)
+    ]
+    assert runs[1].stderr == ""
+
+
+def test_without_numba_numpy_steps_the_plant(monkeypatch):
+    monkeypatch.setitem(sys.modules, "flapgym.plant.backends.numba", None)
+    assert chosen_backend("auto") == "numpy"
+    with pytest.raises(ImportError, match="backend: numba cannot be imported .*; pip install numba, or take"):
+        chosen_backend("numba")

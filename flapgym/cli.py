@@ -262,14 +262,10 @@ def describe(model: TurbineModel) -> str:
     """What a model holds, as text: turbine, operating point, size, steady gains, modes, and how it was made."""
     turbine, blade, record, degree = model.turbine, model.blade, model.record, np.pi / 180.0
     plate = nameplate(model.case)
-    span = (
+    spans = [", from {:.1%} to {:.1%} of the rotor radius".format(*span) for span in plate.flap_spans] or [
         ""
-        if plate.flap_span is None
-        else ", from {:.1%} to {:.1%} of the rotor radius".format(*plate.flap_span)
-    )
+    ] * len(model.flaps)
     gain = dict(zip(turbine.inputs, turbine.dc_gain()[turbine.outputs.index("rbm_0")], strict=True))
-    limits = (model.flap_angle_limit, model.flap_rate_limit, model.acceleration_limit)
-    angle, rate, acceleration = (value / degree for value in limits)
     lines = [
         f"model            {model.name} (format {model.format_version}, hash {model.hash[:12]})",
         f"turbine          {plate.size}",
@@ -278,12 +274,19 @@ def describe(model: TurbineModel) -> str:
         f"time step        {number(model.time_step)} s",
         f"form             {model.form}",
         f"airloads         {plate.loads}",
-        f"flap             {number(angle)} deg, {number(rate)} deg/s, {number(acceleration)} deg/s^2 to either side"
-        f"{span}",
+        *(
+            f"{flap.name:<17}{number(flap.angle_limit / degree)} deg, {number(flap.rate_limit / degree)} deg/s, "
+            f"{number(flap.acceleration_limit / degree)} deg/s^2 to either side{span}"
+            for flap, span in zip(model.flaps, spans, strict=True)
+        ),
         f"whole turbine    {turbine.order} states, spectral radius {turbine.spectral_radius():.6f}",
         f"single blade     {blade.order} states, spectral radius {blade.spectral_radius():.6f}",
         f"root moment      {gain['wind'] / 1e6:.3f} MN m per m/s of wind, "
-        f"{gain['flap_angle_0'] * degree / 1e6:.4f} MN m per deg of flap (steady, blades alike)",
+        + ", ".join(
+            f"{gain[f'{flap.name}_angle_0'] * degree / 1e6:.4f} MN m per deg of {flap.name}"
+            for flap in model.flaps
+        )
+        + " (steady, blades alike)",
         f"                 rms {model.rbm_rms / 1e6:.3f} MN m in that turbulence, flaps still",
         f"flutter          {record.flutter.describe() if record.flutter else 'not looked for'}",
         "lightly damped modes of the turbine in the fixed frame, below 5 Hz:",

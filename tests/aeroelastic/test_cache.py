@@ -147,7 +147,7 @@ def test_all_code_that_runs_in_a_build_is_known_to_the_cache_and_none_of_what_co
     known = {str(file) for file in files_behind("flapgym.aeroelastic.build", "flapgym.aeroelastic.flutter")}
     assert {name for name in ran if name.startswith(str(PACKAGE))} - known <= {cache.__file__}
     names = {Path(name).relative_to(PACKAGE).as_posix() for name in known}
-    assert {"aeroelastic/equations.py", "turbulence/shaping_filter.py", "structure/beam.py"} <= names
+    assert {"aeroelastic/equations.py", "wind/shaping_filter.py", "structure/beam.py"} <= names
     after = (
         "cli.py",
         "envs/",
@@ -155,7 +155,7 @@ def test_all_code_that_runs_in_a_build_is_known_to_the_cache_and_none_of_what_co
         "control/",
         "evaluation/",
         "aeroelastic/cache.py",
-        "turbulence/gusts.py",
+        "wind/gusts.py",
     )
     assert not [name for name in names if name.startswith(after)]
 

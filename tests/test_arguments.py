@@ -92,15 +92,15 @@ def _calls():
             (lambda: PIDGains(5e-8, 0.1, 0.1, 9.0, 0.8, "1", 1.0), "pid.integral_gain"),
         ],
         "BladeController": [
-            (lambda: BladeController("a", CONTROLLER, np.full((1, 3), NAN), 1.0), "agent a: start"),
+            (lambda: BladeController("a", CONTROLLER, np.full((1, 3), NAN), (1.0,)), "agent a: start"),
             (
-                lambda: BladeController("a", CONTROLLER, np.zeros((1, 3)), INFINITE),
+                lambda: BladeController("a", CONTROLLER, np.zeros((1, 3)), (INFINITE,)),
                 "agent a: acceleration_limit",
             ),
         ],
         "RotorController": [
             (
-                lambda: RotorController("a", CONTROLLER, np.zeros((1, 9)), 1.0),
+                lambda: RotorController("a", CONTROLLER, np.zeros((1, 9)), (1.0,)),
                 "agent a: expected a controller of three",
             ),
         ],

@@ -6,16 +6,20 @@ policy alike. Observations and states carry any leading batch axes.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.arrays import BLADES, Array
+from flapgym.core.arrays import BLADES, Array, IntArray
 from flapgym.core.state_space import require_time_step
+from flapgym.model.turbine_model import TurbineModel
 
 OBSERVATION_SCALES: dict[str, float] = {"rbm": 1e6, "flap_angle": 1.0, "flap_rate": 1.0}
-"""SI value of one unit of the environment's observation: MN m, rad, rad/s. Each has one entry per blade."""
+"""SI value of one unit of the environment's observation: MN m, rad, rad/s."""
+OF_FLAPS = ("flap_angle", "flap_rate")
+"""Observations of which each flap has one, blade by blade and on each blade in turn; of others each blade has one."""
 
 Floats = NDArray[np.floating]
 """Observations come as the environment's float32."""
@@ -38,7 +42,7 @@ class Agent(Protocol):
     Notes
     -----
     One with a true `per_blade` treats each blade alone, so it can act on a single one. One with a `time_step` [s] was
-    made for plants of that step and is refused by any other.
+    made for plants of that step, one with `flaps` for turbines of so many flaps a blade; both are refused by any other.
     """
 
     @property
@@ -57,7 +61,9 @@ class Agent(Protocol):
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
-        """Action (..., 3) in [-1, 1] for an observation (..., n), and the state to hand back next time.
+        """Action (..., 3 F) in [-1, 1] for an observation (..., n), and the state to hand back next time.
+
+        Blade by blade, and on each of F flaps a blade in turn.
 
         State None, or `episode_start` true (one per batch entry), begins afresh.
         """
@@ -65,10 +71,10 @@ class Agent(Protocol):
 
 
 class OpenLoop:
-    """Flaps at rest: the reference of every comparison."""
+    """Flaps at rest: the reference of every comparison. It observes the flaps, which tells it how many there are."""
 
     name = "open_loop"
-    observe: tuple[str, ...] = ("rbm",)
+    observe: tuple[str, ...] = ("flap_angle",)
     steps_per_action = 10  # doing nothing is the same at any interval, and quicker at a long one
     model_hash: str | None = None
     per_blade = True
@@ -81,18 +87,55 @@ class OpenLoop:
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
         """No acceleration, whatever is observed."""
-        return np.zeros((*np.shape(observation)[:-1], BLADES), dtype=np.float32), None
+        return np.zeros(np.shape(observation), dtype=np.float32), None
 
 
-def check_time_step(agent: Agent, time_step: float) -> None:
-    """Refuse an agent that was made for another time step [s] than the model's."""
+def check_fit(agent: Agent, model: TurbineModel) -> None:
+    """Refuse an agent that was made for another time step or another number of flaps a blade than the model's."""
     own = getattr(agent, "time_step", None)
     if own is not None:
-        require_time_step(f"agent {agent.name}: time_step", own, time_step, "the model's")
+        require_time_step(f"agent {agent.name}: time_step", own, model.time_step, "the model's")
+    flaps = getattr(agent, "flaps", None)
+    if flaps is not None:
+        check_flaps(agent.name, flaps, model)
 
 
-def by_blade(observation: Floats, observe: tuple[str, ...]) -> Array:
-    """The observation in SI units, one row a blade: (..., 3 n) becomes (..., 3, n).
+def check_flaps(name: str, flaps: int, model: TurbineModel) -> None:
+    """Refuse an agent, by its name, that was made for another number of flaps a blade than the model's."""
+    expected = len(model.flaps)
+    if flaps != expected:
+        raise ValueError(
+            f"agent {name}: made for {flaps} {'flap' if flaps == 1 else 'flaps'} a blade, the model {model.name} "
+            f"has {expected}; tune or train it on this model, or take a model of {flaps}"
+        )
+
+
+def blade_entries(observe: tuple[str, ...], flaps: int) -> int:
+    """Entries that a blade of so many flaps has in an observation."""
+    return sum(flaps if name in OF_FLAPS else 1 for name in observe)
+
+
+@cache
+def blade_places(observe: tuple[str, ...], flaps: int) -> IntArray:
+    """Where each blade's entries stand in an observation, (3, n): an observation goes through its blades in turn."""
+    places, first = [], 0
+    for name in observe:
+        size = blade_entries((name,), flaps)
+        places.append(first + np.arange(BLADES * size).reshape(BLADES, size))
+        first += BLADES * size
+    return np.hstack(places)
+
+
+@cache
+def _scales(observe: tuple[str, ...], flaps: int) -> Array:
+    """SI values of the units of a blade's entries, (n,)."""
+    return np.repeat(
+        [OBSERVATION_SCALES[name] for name in observe], [blade_entries((name,), flaps) for name in observe]
+    )
+
+
+def by_blade(observation: Floats, observe: tuple[str, ...], flaps: int = 1) -> Array:
+    """The observation of F flaps a blade in SI units, one row a blade: (..., 3 n) becomes (..., 3, n).
 
     Raises
     ------
@@ -100,12 +143,11 @@ def by_blade(observation: Floats, observe: tuple[str, ...]) -> Array:
         If the length of the last axis is not that of `observe`.
     """
     values = np.asarray(observation, dtype=float)
-    expected = BLADES * len(observe)
-    if values.shape[-1] != expected:
+    places = blade_places(observe, flaps)
+    if values.shape[-1] != places.size:
         raise ValueError(
-            f"observation: expected {expected} entries ({', '.join(observe)} of three blades), "
-            f"got {values.shape[-1]}; make the environment with observe={observe}"
+            f"observation: expected {places.size} entries ({', '.join(observe)} of three blades"
+            f"{'' if flaps == 1 else f' with {flaps} flaps each'}), got {values.shape[-1]}; "
+            f"make the environment with observe={observe}"
         )
-    scales = np.array([OBSERVATION_SCALES[name] for name in observe])
-    split = values.reshape(*values.shape[:-1], len(observe), BLADES)
-    return np.swapaxes(split, -1, -2) * scales
+    return np.asarray(values[..., places] * _scales(observe, flaps))

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from flapgym.control.agent import Agent, OpenLoop, check_time_step
+from flapgym.control.agent import Agent, OpenLoop, check_fit, check_flaps
 from flapgym.control.agent_checks import check_numbers, named_errors
-from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
-from flapgym.control.channels import MULTIBLADE, ROTOR
+from flapgym.control.blade_controller import BladeController, acceleration_limits
+from flapgym.control.channels import BLADE, MULTIBLADE, ROTOR
 from flapgym.control.policy import Policy
 from flapgym.control.rotor_controller import RotorController
 from flapgym.core.arrays import Array
@@ -71,7 +71,8 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     Raises
     ------
     ValueError
-        If there is no such agent, its file is damaged or says what no agent can be, or its step is not the model's.
+        If there is no such agent, its file is damaged or says what no agent can be, or its step or its number of flaps
+        is not the model's.
     """
     if str(name) == OpenLoop.name:
         return OpenLoop()
@@ -79,7 +80,9 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     content = _read(path)
     try:
         with named_errors(content["name"]):
-            return _policy(content) if content["kind"] == "policy" else _controller(content, model)
+            agent = _policy(content) if content["kind"] == "policy" else _controller(content, model)
+            check_fit(agent, model)
+            return agent
     except ValueError as error:
         raise ValueError(f"{error} (in {path})") from None
 
@@ -121,7 +124,7 @@ def save_agent(
             f"agent: expected a BladeController, RotorController or Policy, got {type(agent).__name__}; "
             "any other agent is handed to flapgym.evaluation.compare as it is"
         )
-    check_time_step(agent, model.time_step)
+    check_fit(agent, model)
     target = Path(path)
     if target.suffix != ".json":
         raise ValueError(f"agent {target}: expected a path that ends in .json")
@@ -155,7 +158,7 @@ def _parts(
     settings: dict[str, Any] = {"time_step": system.time_step}
     if isinstance(agent, BladeController):
         return "blade_controller", settings, matrices
-    return "rotor_controller", settings | {"multiblade": agent.channels == MULTIBLADE}, matrices
+    return "rotor_controller", settings | {"multiblade": agent.channels.multiblade}, matrices
 
 
 def _document(header: Mapping[str, Any], numbers: Mapping[str, Any]) -> str:
@@ -260,19 +263,24 @@ def _controller(content: Mapping[str, Any], model: TurbineModel) -> BladeControl
             f"time_step: designed for {shown(step)} s, the model {model.name} steps "
             f"{model.time_step} s; tune it again for this model"
         )
-    inputs, outputs = CONTROLLER_INPUTS, CONTROLLER_OUTPUTS
+    frame = BLADE
     if content["kind"] == "rotor_controller":
         if not isinstance(content["multiblade"], bool):
             raise ValueError(f"multiblade: expected true or false, got {shown(content['multiblade'])}")
-        channels = MULTIBLADE if content["multiblade"] else ROTOR
-        inputs, outputs = channels.inputs, channels.outputs
+        frame = MULTIBLADE if content["multiblade"] else ROTOR
     numbers = {key: _numbers(content[key], key, 2) for key in (*"ABCD", "start")}
+    # A file names no signals: its accelerations tell how many flaps it was made for.
+    flaps = max(1, len(numbers["D"]) // frame.count)
+    check_flaps(content["name"], flaps, model)
+    channels = frame.with_flaps(flaps)
     # Of a controller without states, B and start have no row that could tell how long it is.
-    numbers |= {key: np.empty((0, len(inputs))) for key in ("B", "start") if not len(numbers[key])}
+    numbers |= {key: np.empty((0, len(channels.inputs))) for key in ("B", "start") if not len(numbers[key])}
     start = numbers.pop("start")
-    system = StateSpace(**numbers, time_step=model.time_step, inputs=inputs, outputs=outputs)
+    system = StateSpace(
+        **numbers, time_step=model.time_step, inputs=channels.inputs, outputs=channels.outputs
+    )
     cls = BladeController if content["kind"] == "blade_controller" else RotorController
-    return cls(content["name"], system, start, model.acceleration_limit, content["model_hash"])
+    return cls(content["name"], system, start, acceleration_limits(model), content["model_hash"])
 
 
 def _policy(content: Mapping[str, Any]) -> Policy:

@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from flapgym.control.channels import BLADE, ROTOR, controller_channels
+from flapgym.control.channels import BLADE, MULTIBLADE, ROTOR, controller_channels
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, Quantity
 from flapgym.core.state_space import StateSpace, require_time_step, series
 from flapgym.model.multiblade import to_blades, to_components
+from flapgym.model.signals import flap_names
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.wind import von_karman_filter
 
@@ -32,7 +33,7 @@ def closed_loop(
     effectiveness: float = 1.0,
     plant: StateSpace | None = None,
 ) -> StateSpace:
-    """Inputs "wind" [m/s] and measurement noise [N m]; outputs of the plant, then flap angle, rate and acceleration.
+    """Inputs "wind" [m/s] and measurement noise [N m]; outputs of the plant, then flap angles, rates, accelerations.
 
     Parameters
     ----------
@@ -49,7 +50,8 @@ def closed_loop(
     Raises
     ------
     ValueError
-        If controller or plant has another time step than the model, or the two are of different frames.
+        If controller or plant has another time step than the model, or the two are of different frames or of different
+        numbers of flaps.
     """
     Quantity("number").check(effectiveness, "closed_loop.effectiveness")
     require_model_step("closed_loop.controller", controller, model)
@@ -57,38 +59,48 @@ def closed_loop(
         require_model_step("closed_loop.plant", plant, model)
     plant = with_effectiveness(model.turbine if plant is None else plant, effectiveness)
     frame = controller_channels(plant.inputs)
-    plant = plant.select(inputs=[*frame.inputs[3:], "wind"])
+    plant = plant.select(inputs=[*frame.flap_inputs, "wind"])
     flaps = flaps_loop(_in_frame(controller, model, plant), frame.turn(model.rotor_speed * model.time_step))
     n, m = plant.order, flaps.order
-    rows = [plant.outputs.index(name) for name in frame.named("rbm")]
-    b_flap, b_wind = plant.B[:, :6], plant.B[:, 6:]
-    rbm_x, d_flap, d_wind = plant.C[rows], plant.D[rows, :6], plant.D[rows, 6:]
+    motion = 2 * frame.actions
+    rows = [plant.outputs.index(name) for name in frame.moments]
+    b_flap, b_wind = plant.B[:, :motion], plant.B[:, motion:]
+    rbm_x, d_flap, d_wind = plant.C[rows], plant.D[rows, :motion], plant.D[rows, motion:]
     # Flap motion is a state of the flaps, so nothing here is an algebraic loop.
-    rbm_c = d_flap @ flaps.C[:6]
-    a = np.block([[plant.A, b_flap @ flaps.C[:6]], [flaps.B @ rbm_x, flaps.A + flaps.B @ rbm_c]])
+    rbm_c = d_flap @ flaps.C[:motion]
+    a = np.block([[plant.A, b_flap @ flaps.C[:motion]], [flaps.B @ rbm_x, flaps.A + flaps.B @ rbm_c]])
     b = np.block([[b_wind, np.zeros((n, 3))], [flaps.B @ d_wind, flaps.B]])
     c = np.vstack(
         [
-            np.hstack([plant.C, plant.D[:, :6] @ flaps.C[:6]]),
-            np.hstack([np.zeros((6, n)), flaps.C[:6]]),
-            np.hstack([flaps.D[6:] @ rbm_x, flaps.C[6:] + flaps.D[6:] @ rbm_c]),
+            np.hstack([plant.C, plant.D[:, :motion] @ flaps.C[:motion]]),
+            np.hstack([np.zeros((motion, n)), flaps.C[:motion]]),
+            np.hstack([flaps.D[motion:] @ rbm_x, flaps.C[motion:] + flaps.D[motion:] @ rbm_c]),
         ]
     )
     d = np.block(
         [
-            [plant.D[:, 6:], np.zeros((len(plant.outputs), 3))],
-            [np.zeros((6, 4))],
-            [flaps.D[6:] @ d_wind, flaps.D[6:]],
+            [plant.D[:, motion:], np.zeros((len(plant.outputs), 3))],
+            [np.zeros((motion, 4))],
+            [flaps.D[motion:] @ d_wind, flaps.D[motion:]],
         ]
     )
     assert a.shape == (n + m, n + m)
-    names = [*frame.named("flap_angle"), *frame.named("flap_rate"), *frame.named("flap_acceleration")]
+    names = [*frame.flap_inputs, *frame.of_flaps("acceleration")]
     return StateSpace(a, b, c, d, model.time_step, ("wind", *frame.named("noise")), (*plant.outputs, *names))
 
 
 def require_model_step(name: str, system: StateSpace, model: TurbineModel) -> None:
     """Refuse a system that was sampled at another time step than the model."""
     require_time_step(f"{name}.time_step", system.time_step, model.time_step, "the model's")
+
+
+def require_flaps(name: str, flaps: int, model: TurbineModel) -> None:
+    """Refuse what has another number of flaps a blade than the model."""
+    if flaps != len(model.flaps):
+        raise ValueError(
+            f"{name}: expected {len(model.flaps)} {'flap' if len(model.flaps) == 1 else 'flaps'} a blade, as the model "
+            f"{model.name} has, got {flaps}; make it for this model"
+        )
 
 
 def with_effectiveness(turbine: StateSpace, effectiveness: float) -> StateSpace:
@@ -100,12 +112,14 @@ def with_effectiveness(turbine: StateSpace, effectiveness: float) -> StateSpace:
 def _in_frame(controller: StateSpace, model: TurbineModel, plant: StateSpace) -> StateSpace:
     """The controller of three flaps in the plant's frame: three copies, if it is of one blade."""
     frame, own = controller_channels(plant.inputs), controller_channels(controller.inputs)
+    require_flaps("closed_loop.plant", frame.flaps, model)
+    require_flaps("closed_loop.controller", own.flaps, model)
     if own == frame:
         return controller
-    if own != BLADE:
+    if own.suffixes != BLADE.suffixes:
         raise ValueError(
-            f"closed_loop: a controller of {', '.join(own.named('rbm'))} has no time-invariant loop with a plant of "
-            f"{', '.join(frame.named('rbm'))}"
+            f"closed_loop: a controller of {', '.join(own.moments)} has no time-invariant loop with a plant of "
+            f"{', '.join(frame.moments)}"
         )
     # A copy's state is turned on over a step, so A and B carry the rotation; what it reads and gives at one instant,
     # C and D, is in the axes of that instant.
@@ -113,10 +127,11 @@ def _in_frame(controller: StateSpace, model: TurbineModel, plant: StateSpace) ->
     each = np.eye(3)
     return StateSpace(
         A=np.asarray(np.kron(turn, controller.A)),
-        # Column by column, because the inputs stand signal by signal: three moments, three angles, three rates.
+        # Column by column, because the inputs stand signal by signal: three moments, of each flap three angles, three
+        # rates; and row by row, because the accelerations do.
         B=np.hstack([np.kron(turn, column[:, None]) for column in controller.B.T]),
-        C=np.asarray(np.kron(each, controller.C)),
-        D=np.hstack([np.kron(each, column[:, None]) for column in controller.D.T]),
+        C=np.vstack([np.kron(each, row[None]) for row in controller.C]),
+        D=np.asarray(np.kron(controller.D, each)),
         time_step=controller.time_step,
         inputs=frame.inputs,
         outputs=frame.outputs,
@@ -124,15 +139,16 @@ def _in_frame(controller: StateSpace, model: TurbineModel, plant: StateSpace) ->
 
 
 def flaps_loop(controller: StateSpace, turn: Array) -> StateSpace:
-    """Double integrators and controller of the three flaps: from moments to angles, rates and accelerations.
+    """Double integrators and controller of all flaps: from three moments to angles, rates and accelerations.
 
-    States [angles, rates, controller].
+    States [angles, rates, controller]; `turn` (3, 3) carries what a flap keeps over one step.
     """
     # The acceleration is held over a step, so the double integrator is exact: dt^2 / 2 and dt.
-    dt, m = controller.time_step, controller.order
+    dt, m, motion = controller.time_step, controller.order, 2 * len(controller.outputs)
     to_rbm, to_flap = controller.B[:, :3], controller.B[:, 3:]
-    acceleration_input = np.kron([[0.5 * dt**2], [dt]], turn)
-    double_integrator = np.kron([[1.0, dt], [0.0, 1.0]], turn)
+    turns = np.kron(np.eye(len(controller.outputs) // 3), turn)
+    acceleration_input = np.kron([[0.5 * dt**2], [dt]], turns)
+    double_integrator = np.kron([[1.0, dt], [0.0, 1.0]], turns)
     a = np.block(
         [
             [double_integrator + acceleration_input @ controller.D[:, 3:], acceleration_input @ controller.C],
@@ -142,8 +158,8 @@ def flaps_loop(controller: StateSpace, turn: Array) -> StateSpace:
     return StateSpace(
         A=a,
         B=np.vstack([acceleration_input @ controller.D[:, :3], to_rbm]),
-        C=np.vstack([np.eye(6, m + 6), np.hstack([controller.D[:, 3:], controller.C])]),
-        D=np.vstack([np.zeros((6, 3)), controller.D[:, :3]]),
+        C=np.vstack([np.eye(motion, m + motion), np.hstack([controller.D[:, 3:], controller.C])]),
+        D=np.vstack([np.zeros((motion, 3)), controller.D[:, :3]]),
         time_step=dt,
         inputs=controller.inputs[:3],
         outputs=(*controller.inputs[3:], *controller.outputs),
@@ -193,22 +209,24 @@ def growth_per_turn(model: TurbineModel, controller: StateSpace, turns: int = 40
     """
     Count(at_least=2).check(turns, "growth_per_turn.turns")
     require_model_step("growth_per_turn.controller", controller, model)
-    turbine = model.turbine
+    channels = MULTIBLADE.with_flaps(controller_channels(controller.inputs).flaps)
+    require_flaps("growth_per_turn.controller", channels.flaps, model)
+    turbine = model.turbine.select(channels.flap_inputs, channels.moments)
     step = model.rotor_speed * model.time_step
-    flaps = flaps_loop(controller, np.eye(3))
+    flaps, motion = flaps_loop(controller, np.eye(3)), 2 * channels.actions
     x, y = np.random.default_rng(0).standard_normal((2, max(turbine.order, flaps.order)))
     x, y = x[: turbine.order], y[: flaps.order]
-    y[:6] *= 1e-9  # flap motion in proportion to the load it makes
+    y[:motion] *= 1e-9  # flap motion in proportion to the load it makes
     turn = round(2.0 * np.pi / step)
     logs, taken = np.empty((turns, turn)), 0.0
     for n in range(turns * turn):
         # Flaps in the blades' frames, turbine in components: to and fro by this step's azimuth.
         to_axes = to_components(np.eye(3), n * step).T
-        flap = flaps.C[:6] @ y
-        u = np.concatenate([to_axes @ flap[:3], to_axes @ flap[3:]])
-        moment = turbine.C[:3] @ x + turbine.D[:3, :6] @ u
+        flap = flaps.C[:motion] @ y
+        u = (flap.reshape(-1, 3) @ to_axes.T).ravel()
+        moment = turbine.C @ x + turbine.D @ u
         y = flaps.A @ y + flaps.B @ to_blades(moment, n * step)
-        x = turbine.A @ x + turbine.B[:, :6] @ u
+        x = turbine.A @ x + turbine.B @ u
         size = np.linalg.norm(moment)
         logs[n // turn, n % turn] = taken + np.log(size)
         if size > 1e100:
@@ -250,7 +268,8 @@ def stationary_rms(
     -------
     dict of str to float
         "rbm" [N m], "tip_deflection" [m], "tower_fore_aft", "tower_side_side" [m], "wind" [m/s]; with a controller also
-        "flap_angle" [rad], "flap_rate" [rad/s] and "flap_acceleration" [rad/s^2].
+        "flap_angle" [rad], "flap_rate" [rad/s] and "flap_acceleration" [rad/s^2], of several flaps a blade
+        "flap1_angle" and so on.
     """
     Quantity("number").check(effectiveness, "stationary_rms.effectiveness")
     Quantity("moment", at_least=0.0).check(measurement_noise, "stationary_rms.measurement_noise")
@@ -274,10 +293,12 @@ def stationary_rms(
     output: Array = np.diag(driven.C @ covariance @ driven.C.T + driven.D @ driven.D.T)
     variance = dict(zip(driven.outputs, output, strict=True))
     # The mean over blades: of components by their weights, of three blades by a third each.
-    share = np.array(channels.weight) / (3.0 if channels == ROTOR else 1.0)
+    share = np.array(channels.weight) / (3.0 if channels.suffixes == ROTOR.suffixes else 1.0)
     result = {"wind": model.turbulence_intensity * model.wind_speed}
     signals = ["rbm", "tip_deflection"]
-    signals += [] if controller is None else ["flap_angle", "flap_rate", "flap_acceleration"]
+    if controller is not None:
+        kinds = ("angle", "rate", "acceleration")
+        signals += [f"{flap}_{kind}" for kind in kinds for flap in flap_names(channels.flaps)]
     for signal in signals:
         result[signal] = float(np.sqrt(share @ [variance[name] for name in channels.named(signal)]))
     for name in ("tower_fore_aft", "tower_side_side"):

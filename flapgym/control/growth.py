@@ -8,7 +8,7 @@ import numpy as np
 
 from flapgym.control.agent import Agent
 from flapgym.control.blade_controller import BladeController
-from flapgym.control.channels import ROTOR
+from flapgym.control.channels import ROTOR, controller_channels
 from flapgym.control.closed_loop import closed_loop, growth_per_turn
 from flapgym.control.mpc import PredictiveController
 from flapgym.control.rotor_controller import RotorController
@@ -62,7 +62,7 @@ def agent_growth(agent: Agent, model: TurbineModel) -> Growth | None:
         system = agent.system
     else:
         return None
-    if system.inputs != ROTOR.inputs:
+    if controller_channels(system.inputs).suffixes != ROTOR.suffixes:
         return growth(closed_loop(model, system))
     factor = growth_per_turn(model, system)
     return Growth(np.nan, _doubling(factor, 2.0 * np.pi / model.rotor_speed)) if factor >= 1.0 else None

@@ -1,10 +1,10 @@
 """What a predictive controller minimises over its horizon, condensed: offsets from the regulator's own law.
 
-The flap's acceleration is a_k = -K z_k + f_k + d_k with K the LQG's regulator, f_k its feedforward of wind known
-in advance and d_k the offsets. With the Riccati matrix as terminal cost the LQG's cost over an infinite horizon is then
-sum S d_k^2 and a constant (Kouvaritakis and Cannon 2016, the closed-loop paradigm): without an active stop the optimum
-is d = 0, the LQG itself, whatever the horizon and however the offsets are blocked. What is left to solve is the nearest
-point of a polytope.
+The accelerations of a blade's flaps are a_k = -K z_k + f_k + d_k with K the LQG's regulator, f_k its feedforward of
+wind known in advance and d_k the offsets. With the Riccati matrix as terminal cost the LQG's cost over an infinite
+horizon is then sum d_k' S d_k and a constant (Kouvaritakis and Cannon 2016, the closed-loop paradigm): without an
+active stop the optimum is d = 0, the LQG itself, whatever the horizon and however the offsets are blocked. What is left
+to solve is the nearest point of a polytope.
 """
 
 from __future__ import annotations
@@ -25,26 +25,27 @@ CONSTRAINED = ((16, 1), (48, 4), (192, 8))
 
 @dataclass(frozen=True, eq=False)
 class Horizon:
-    """The programme of one blade; angles, rates and accelerations are fractions of their limits.
+    """The programme of one blade of F flaps; angles, rates and accelerations are fractions of their limits.
 
-    With z = [x, angle, rate], x the design model's scaled states, and w the innovations of the wind known in advance:
-    minimise |d|^2 / 2 such that abs(from_state z + from_wind w + from_offsets d) <= 1.
+    With z = [x, angles, rates], x the design model's scaled states, and w the innovations of the wind known in advance:
+    minimise |e|^2 / 2 such that abs(from_state z + from_wind w + from_offsets e) <= 1.
 
     Attributes
     ----------
-    gain : (n + 2,) float
+    gain : (F, n + 2 F) float
         Regulator K.
-    preview_gain : (M,) float
-        Acceleration now per innovation known in advance: f_0.
-    first_offset : float
-        Acceleration now per unit of the first entry of d, which is scaled by the root of its block's length.
-    from_state, from_wind, from_offsets : (rows, n + 2), (rows, M), (rows, blocks) float
-        Predicted accelerations, angles and rates at the constrained instants.
+    preview_gain : (F, M) float
+        Accelerations now per innovation known in advance: f_0.
+    first_offset : (F, F) float
+        Accelerations now per unit of the first F entries of e: the offsets times the root of their block's length and,
+        but for a factor, a root of S.
+    from_state, from_wind, from_offsets : (rows, n + 2 F), (rows, M), (rows, blocks F) float
+        Predicted accelerations, angles and rates of all flaps at the constrained instants.
     """
 
     gain: Array
     preview_gain: Array
-    first_offset: float
+    first_offset: Array
     from_state: Array
     from_wind: Array
     from_offsets: Array
@@ -56,45 +57,49 @@ def condense(
     """The programme of a design model of one blade, with so many innovations of the wind known in advance."""
     if design.channels.count != 1:
         raise ValueError(
-            f"horizon: expected the design model of one blade, got {design.channels.count} flaps"
+            f"horizon: expected the design model of one blade, got one of {design.channels.count} blades"
         )
     a, b, _ = with_actuator(design)
-    regulator, cost = regulator_gain(design, weights)
-    n, steps, gain = a.shape[0], sum(blocks), regulator[0]
-    closed = a - b @ regulator
-    curvature = weights.acceleration + float(b[:, 0] @ cost @ b[:, 0])
-    noise_input = np.concatenate([design.G[:, 0], np.zeros(2)])
-    # f_k = -B' sum_j (closed')^(j - k) P G w_j / S, the feedforward of innovations from k on.
-    feedforward, adjoint = np.empty(preview), cost @ noise_input
+    gain, cost = regulator_gain(design, weights)
+    n, steps, flaps = a.shape[0], sum(blocks), design.channels.flaps
+    closed = a - b @ gain
+    curvature = weights.acceleration / flaps * np.eye(flaps) + b.T @ cost @ b
+    noise_input = np.concatenate([design.G[:, 0], np.zeros(2 * flaps)])
+    # f_k = -S^-1 B' sum_j (closed')^(j - k) P G w_j, the feedforward of innovations from k on.
+    feedforward, adjoint = np.empty((flaps, preview)), cost @ noise_input
     for ahead in range(preview):
-        feedforward[ahead] = -(b[:, 0] @ adjoint) / curvature
+        feedforward[:, ahead] = -np.linalg.solve(curvature, b.T @ adjoint)
         adjoint = closed.T @ adjoint
 
     lengths = np.array(blocks)
     block = np.repeat(np.arange(lengths.size), lengths)
-    # By the root of a block's length, so that |d|^2 is the cost whatever the blocks.
+    # Flaps share the blade's moment, so their offsets' costs are coupled: in e = L' d, S = L L', they are not. The
+    # factor left out leaves numbers near one, and one flap's offsets as they are.
+    offset = np.linalg.inv(np.linalg.cholesky(curvature / curvature[0, 0])).T
+    # By the root of a block's length, so that |e|^2 is the cost whatever the blocks.
     unit = 1.0 / np.sqrt(lengths)
-    # Sensitivities of the state to z, w and d side by side, marched over the horizon.
-    total = n + preview + lengths.size
+    # Sensitivities of the state to z, w and e side by side, marched over the horizon.
+    total = n + preview + lengths.size * flaps
     state = np.hstack([np.eye(n), np.zeros((n, total - n))])
     constrained = _instants(steps)
     rows = []
     for k in range(steps):
-        added_acceleration = np.zeros(total)
-        added_acceleration[n + k : n + preview] = feedforward[: max(preview - k, 0)]
-        added_acceleration[n + preview + block[k]] = unit[block[k]]
+        added_acceleration = np.zeros((flaps, total))
+        added_acceleration[:, n + k : n + preview] = feedforward[:, : max(preview - k, 0)]
+        first = n + preview + block[k] * flaps
+        added_acceleration[:, first : first + flaps] = unit[block[k]] * offset
         acceleration = added_acceleration - gain @ state
-        # The acceleration at k moves the flap from k to k + 1: it is bounded with the motion it leads to.
-        state = a @ state + b * acceleration
+        # The acceleration at k moves the flaps from k to k + 1: it is bounded with the motion it leads to.
+        state = a @ state + b @ acceleration
         if k < preview:
             state[:, n + k] += noise_input
         if k in constrained:
-            rows += [acceleration, state[-2].copy(), state[-1].copy()]
-    table = np.array(rows)
+            rows += [acceleration, state[-2 * flaps :].copy()]
+    table = np.vstack(rows)
     return Horizon(
         gain=gain,
         preview_gain=feedforward,
-        first_offset=float(unit[0]),
+        first_offset=unit[0] * offset,
         from_state=table[:, :n],
         from_wind=table[:, n : n + preview],
         from_offsets=np.ascontiguousarray(table[:, n + preview :]),

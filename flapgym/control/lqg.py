@@ -1,9 +1,10 @@
 """LQG for any design model: exact predictor and regulator behind turbulence (paper sections III, IV.C, eq. 16).
 
 One synthesis serves the clamped blade, the rotor in the blades' own frames and the whole turbine in multi-blade
-coordinates. Flap angles and rates are known after the stops, so they enter the observer as inputs and are no states of
-it; the regulator sees them as states of the double integrators. Inside the design, quantities are in MN m and in the
-flap's limits, and every state is divided by its stationary standard deviation, which conditions the Riccati equations.
+coordinates, with any number of flaps a blade. Flap angles and rates are known after the stops, so they enter the
+observer as inputs and are no states of it; the regulator sees them as states of the double integrators. Inside the
+design, quantities are in MN m and in each flap's limits, and every state is divided by its stationary standard
+deviation, which conditions the Riccati equations.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from flapgym.control.blade_controller import BladeController
+from flapgym.control.blade_controller import BladeController, acceleration_limits
 from flapgym.control.channels import Channels, controller_channels
-from flapgym.control.closed_loop import require_model_step
+from flapgym.control.closed_loop import require_flaps, require_model_step
 from flapgym.control.rotor_controller import RotorController
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Quantity
@@ -32,6 +33,9 @@ FILTER_ORDER = 3
 @dataclass(frozen=True)
 class Weights:
     """Cost a step and blade, rbm (M / 1 MN m)^2 + flap_angle (beta / limit)^2 + acceleration (a / limit)^2, and noise.
+
+    Of several flaps a blade the squares' mean, each over its own limits: weights then ask the same of flaps that are
+    tied together as of the one flap that they make.
 
     Attributes
     ----------
@@ -55,23 +59,23 @@ class Weights:
 
 @dataclass(frozen=True, eq=False)
 class DesignModel:
-    """A plant of m flaps behind its disturbance filter, scaled, and the Riccati data that follow from it.
+    """A plant of m moments and p = m F flaps behind its disturbance filter, scaled, and what Riccati equations take.
 
     x+ = A x + B u + G w, y = C x + D u + H w + v with y the root bending moments [MN m], u the flap angles, then the
     rates, as fractions of their limits, w white of unit variance a step and v measurement noise.
 
     Attributes
     ----------
-    A, B, G, C, D, H : (n, n), (n, 2 m), (n, k), (m, n), (m, 2 m), (m, k) float
+    A, B, G, C, D, H : (n, n), (n, 2 p), (n, k), (m, n), (m, 2 p), (m, k) float
         Matrices in scaled states.
     channels : Channels
-        The frame of the m signals: a blade, three blades, or multi-blade components.
-    turn : (m, m) float
-        How the frame's axes carry a flap's signal over one step.
+        The frame of the signals, a blade, three blades, or multi-blade components, and the number of flaps F a blade.
+    turn : (p, p) float
+        How the frame's axes carry the flaps' signals over one step.
     time_step : float
         [s].
-    angle_limit, rate_limit, acceleration_limit : float
-        Units of the flap's angle, rate and acceleration [rad, rad/s, rad/s^2].
+    angle_limit, rate_limit, acceleration_limit : (p,) float
+        Units of each flap's angle, rate and acceleration [rad, rad/s, rad/s^2].
     rbm_rms : float
         Open-loop rms of the turbine model's root bending moment [MN m].
     scale : (n,) float
@@ -87,9 +91,9 @@ class DesignModel:
     channels: Channels
     turn: Array
     time_step: float
-    angle_limit: float
-    rate_limit: float
-    acceleration_limit: float
+    angle_limit: Array
+    rate_limit: Array
+    acceleration_limit: Array
     rbm_rms: float
     scale: Array
 
@@ -105,15 +109,16 @@ def design_model(
         Gives limits, turbulence and rotor speed.
     plant : StateSpace, optional
         Inputs ``flap_angle*``, ``flap_rate*`` and disturbances, outputs ``rbm*`` among others, with * empty, _1 _2 _3
-        or _0 _c _s. By default the clamped blade.
+        or _0 _c _s; of several flaps ``flap1_angle*`` and so on, as many as the model has. By default the clamped
+        blade.
     disturbance : StateSpace, optional
         From white noise to the plant's disturbance inputs, by name. By default the reference turbulence.
 
     Raises
     ------
     ValueError
-        If a mode that does not decay cannot be moved by the flaps or is not seen in the moments, naming its frequency
-        and damping.
+        If the plant has another number of flaps a blade than the model, or if a mode that does not decay cannot be
+        moved by the flaps or is not seen in the moments, naming its frequency and damping.
     """
     plant = model.blade if plant is None else plant
     require_model_step("design_model.plant", plant, model)
@@ -123,30 +128,33 @@ def design_model(
         )
     require_model_step("design_model.disturbance", disturbance, model)
     channels = controller_channels(plant.inputs)
-    flaps, m = channels.inputs[channels.count :], channels.count
-    driven = plant.select([*flaps, *disturbance.outputs], channels.inputs[:m])
+    require_flaps("design_model.plant", channels.flaps, model)
+    flaps, p = channels.flap_inputs, channels.actions
+    driven = plant.select([*flaps, *disturbance.outputs], channels.moments)
     system = series(disturbance, driven).select(inputs=[*flaps, *disturbance.inputs])
-    white = len(disturbance.inputs)
-    unit = np.diag([*[model.flap_angle_limit] * m, *[model.flap_rate_limit] * m, *[1.0] * white])
+    limits = {  # flap by flap, as the inputs stand
+        name: np.repeat([getattr(flap, name) for flap in model.flaps], channels.count)
+        for name in ("angle_limit", "rate_limit", "acceleration_limit")
+    }
+    white = np.ones(len(disturbance.inputs))
+    unit = np.diag(np.concatenate([limits["angle_limit"], limits["rate_limit"], white]))
     b, d = system.B @ unit, system.D @ unit / RBM_UNIT
     # White flap motion beside the turbulence: a state that only the flap excites needs a scale too.
     deviation = np.sqrt(np.diag(stationary_covariance(system.A, b)))
     scale = np.where(deviation > 1e-12 * deviation.max(), deviation, 1.0)
     a, b, c = system.A * scale / scale[:, None], b / scale[:, None], system.C * scale / RBM_UNIT
-    check_stabilisable_and_detectable(a, b[:, : 2 * m], c, model.time_step)
+    check_stabilisable_and_detectable(a, b[:, : 2 * p], c, model.time_step)
     return DesignModel(
         A=a,
-        B=b[:, : 2 * m],
-        G=b[:, 2 * m :],
+        B=b[:, : 2 * p],
+        G=b[:, 2 * p :],
         C=c,
-        D=d[:, : 2 * m],
-        H=d[:, 2 * m :],
+        D=d[:, : 2 * p],
+        H=d[:, 2 * p :],
         channels=channels,
-        turn=channels.turn(model.rotor_speed * model.time_step),
+        turn=channels.flap_turn(model.rotor_speed * model.time_step),
         time_step=model.time_step,
-        angle_limit=model.flap_angle_limit,
-        rate_limit=model.flap_rate_limit,
-        acceleration_limit=model.acceleration_limit,
+        **limits,
         rbm_rms=model.rbm_rms / RBM_UNIT,
         scale=scale,
     )
@@ -171,7 +179,7 @@ def lqg_agent(
         name,
         synthesise(design, weights),
         initial_estimate(design, weights),
-        model.acceleration_limit,
+        acceleration_limits(model),
         model.hash,
     )
 
@@ -183,14 +191,14 @@ def synthesise(design: DesignModel, weights: Weights) -> StateSpace:
     """
     observer, _ = predictor_gain(design, weights)
     regulator, _ = regulator_gain(design, weights)
-    n, m = design.A.shape[0], design.channels.count
-    flap = flap_units(design)
+    n, m = design.A.shape[0], design.channels.actions
+    flap, limit = flap_units(design), design.acceleration_limit[:, None]
     return StateSpace(
         # No regulator in A: the flap's motion is measured, so the observer need not predict it from its own command.
         A=design.A - observer @ design.C,
         B=np.hstack([observer / RBM_UNIT, (design.B - observer @ design.D) @ flap]),
-        C=-design.acceleration_limit * regulator[:, :n],
-        D=-design.acceleration_limit * np.hstack([np.zeros((m, m)), regulator[:, n:] @ flap]),
+        C=-limit * regulator[:, :n],
+        D=-limit * np.hstack([np.zeros((m, design.channels.count)), regulator[:, n:] @ flap]),
         time_step=design.time_step,
         inputs=design.channels.inputs,
         outputs=design.channels.outputs,
@@ -198,7 +206,7 @@ def synthesise(design: DesignModel, weights: Weights) -> StateSpace:
 
 
 def initial_estimate(design: DesignModel, weights: Weights) -> Array:
-    """Controller state (n, 3 m) at the start of an episode, per unit of its first inputs [N m, rad, rad/s].
+    """Controller state (n, m + 2 p) at the start of an episode, per unit of its first inputs [N m, rad, rad/s].
 
     The expectation in stationary turbulence given the first measurement: P C' (C P C' + H H' + R)^-1.
     """
@@ -225,32 +233,35 @@ def predictor_gain(design: DesignModel, weights: Weights) -> tuple[Array, Array]
 
 
 def regulator_gain(design: DesignModel, weights: Weights) -> tuple[Array, Array]:
-    """Regulator gain (m, n + 2 m) on [x, angles, rates] in units of their limits, and the cost matrix."""
+    """Regulator gain (p, n + 2 p) on [x, angles, rates] in units of their limits, and the cost matrix."""
     a, b, c = with_actuator(design)
-    n, m = design.A.shape[0], design.channels.count
-    # A cyclic component's square counts half in the mean over blades.
+    n, flaps = design.A.shape[0], design.channels.flaps
+    # A cyclic component's square counts half in the mean over blades, a flap's a share in the mean over its blade's.
     each = np.diag(design.channels.weight)
-    # The moment takes in D times the flap's motion, so the cost couples x with the actuator's states.
+    of_flaps = np.kron(np.eye(flaps) / flaps, each)
+    # The moment takes in D times the flaps' motion, so the cost couples x with the actuators' states.
     q = weights.rbm * c.T @ each @ c
-    q[n : n + m, n : n + m] += weights.flap_angle * each
-    r = weights.acceleration * each
+    angles = slice(n, n + design.channels.actions)
+    q[angles, angles] += weights.flap_angle * of_flaps
+    r = weights.acceleration * of_flaps
     cost = scipy.linalg.solve_discrete_are(a, b, q, r)
     return np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a), cost
 
 
 def with_actuator(design: DesignModel) -> tuple[Array, Array, Array]:
     """Matrices (A, B, C) of the design model driven by flap accelerations, states [x, angles, rates]."""
-    n, m, dt = design.A.shape[0], design.channels.count, design.time_step
+    n, p, dt = design.A.shape[0], design.channels.actions, design.time_step
     rate, acceleration = design.rate_limit / design.angle_limit, design.acceleration_limit
     # A flap that rests on its blade has other multi-blade components a step later: `turn` takes the old to the new.
-    actuator = np.kron([[1.0, dt * rate], [0.0, 1.0]], design.turn)
-    a = np.block([[design.A, design.B], [np.zeros((2 * m, n)), actuator]])
-    acceleration_input = np.array(
-        [[0.5 * dt**2 * acceleration / design.angle_limit], [dt * acceleration / design.rate_limit]]
-    )
+    turn = design.turn
+    actuator = np.block([[turn, turn * (dt * rate)], [np.zeros((p, p)), turn]])
+    a = np.block([[design.A, design.B], [np.zeros((2 * p, n)), actuator]])
+    # By column, which is by flap: every flap has limits of its own.
+    to_angle = turn * (0.5 * dt**2 * acceleration / design.angle_limit)
+    to_rate = turn * (dt * acceleration / design.rate_limit)
     return (
         a,
-        np.vstack([np.zeros((n, m)), np.kron(acceleration_input, design.turn)]),
+        np.vstack([np.zeros((n, p)), to_angle, to_rate]),
         np.hstack([design.C, design.D]),
     )
 
@@ -261,9 +272,8 @@ def noise_covariance(design: DesignModel, weights: Weights) -> Array:
 
 
 def flap_units(design: DesignModel) -> Array:
-    """Diagonal (2 m, 2 m) that takes angles [rad] and rates [rad/s] to fractions of their limits."""
-    m = design.channels.count
-    return np.diag([*[1.0 / design.angle_limit] * m, *[1.0 / design.rate_limit] * m])
+    """Diagonal (2 p, 2 p) that takes angles [rad] and rates [rad/s] to fractions of their limits."""
+    return np.diag(1.0 / np.concatenate([design.angle_limit, design.rate_limit]))
 
 
 def stationary_covariance(a: Array, noise_input: Array) -> Array:

@@ -68,8 +68,8 @@ def disk_margin(model: TurbineModel, controller: StateSpace, plant: StateSpace |
 
 def sensitivity_difference(loop: StateSpace) -> StateSpace:
     """S - T of a closed loop at the three measured moments, components scaled to a rotation of the blades' own."""
-    channels = controller_channels([name for name in loop.outputs if name.startswith("flap_angle")])
-    moment = loop.select(inputs=channels.named("noise"), outputs=channels.named("rbm"))
+    channels = controller_channels(loop.outputs)
+    moment = loop.select(inputs=channels.named("noise"), outputs=channels.moments)
     scale = np.sqrt(channels.weight)
     # Noise n on the measurement: the loop sees S n, of which the true moment is S n - n = -T n.
     return replace(
@@ -87,7 +87,7 @@ def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> 
     """
     Count(at_least=0).check(steps, "late_measurement.steps")
     channels = controller_channels(controller.inputs)
-    m = channels.count
+    m, p = channels.count, channels.actions
     turn = channels.turn(rotor_speed * controller.time_step)
     for _ in range(steps):
         n = controller.order
@@ -95,9 +95,9 @@ def late_measurement(controller: StateSpace, steps: int, rotor_speed: float) -> 
         controller = StateSpace(
             A=np.block([[controller.A, rbm], [np.zeros((m, n + m))]]),
             # The axes turn on while a measurement waits; flap motion is read in time and passes by.
-            B=np.block([[np.zeros((n, m)), flap], [turn, np.zeros((m, 2 * m))]]),
+            B=np.block([[np.zeros((n, m)), flap], [turn, np.zeros((m, 2 * p))]]),
             C=np.hstack([controller.C, controller.D[:, :m]]),
-            D=np.hstack([np.zeros((m, m)), controller.D[:, m:]]),
+            D=np.hstack([np.zeros((p, m)), controller.D[:, m:]]),
             time_step=controller.time_step,
             inputs=controller.inputs,
             outputs=controller.outputs,

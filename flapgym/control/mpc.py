@@ -1,4 +1,4 @@
-"""Model predictive control with the flap's stops as constraints, on each blade; with or without a preview of the wind.
+"""Model predictive control with the flaps' stops as constraints, on each blade; with or without a preview of the wind.
 
 While no stop is in sight it is the LQG of the same weights to rounding. Where one is, an active-set solver finds the
 nearest offsets that keep angle, rate and acceleration within their limits over the horizon (`flapgym.control.horizon`).
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.control.agent import Floats, by_blade
-from flapgym.control.blade_controller import CONTROLLER_INPUTS
+from flapgym.control.agent import Floats, blade_entries, by_blade
+from flapgym.control.blade_controller import OBSERVED, acceleration_limits
 from flapgym.control.channels import BLADE
 from flapgym.control.horizon import BLOCKS, condense, innovations
 from flapgym.control.lqg import (
@@ -20,6 +20,7 @@ from flapgym.control.lqg import (
     DesignModel,
     Weights,
     design_model,
+    flap_units,
     initial_estimate,
     synthesise,
 )
@@ -54,8 +55,8 @@ def _solver(from_offsets: Array) -> Any:
 class PredictiveController:
     """Three constrained optima, one a blade, on the estimates of the LQG's own observer.
 
-    The flap is known exactly and the wind moves no stop, so a plan that keeps the flap within its stops leaves one that
-    does at the next step: braking. Where blocking or rounding leaves none all the same, the flap brakes.
+    Flaps are known exactly and the wind moves no stop, so a plan that keeps them within their stops leaves one that
+    does at the next step: braking. Where blocking or rounding leaves none all the same, the blade's flaps brake.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ class PredictiveController:
         Steps for which each offset is held; their sum is the horizon.
     """
 
-    observe: tuple[str, ...] = CONTROLLER_INPUTS
+    observe: tuple[str, ...] = OBSERVED
     steps_per_action = 1
     per_blade = True
 
@@ -94,24 +95,26 @@ class PredictiveController:
         self.horizon = condense(design, weights, preview, blocks)
         self._solver = _solver(self.horizon.from_offsets)
         self._start = initial_estimate(design, weights)
-        self._limit, self.time_step = model.acceleration_limit, model.time_step
+        self._limit, self.time_step = np.array(acceleration_limits(model)), model.time_step
+        self.flaps = len(model.flaps)
+        self._inputs = 1 + 2 * self.flaps
         self._order = design.A.shape[0]
         self._step = self._step_matrix(model, design, weights)
 
     def _step_matrix(self, model: TurbineModel, design: DesignModel, weights: Weights) -> Array:
-        """[estimate, measured, coming wind] times it is [next estimate, LQG's action, rows of the horizon]."""
-        h, observer, n = self.horizon, synthesise(design, weights), self._order
+        """[estimate, measured, coming wind] times it is [next estimate, LQG's actions, rows of the horizon]."""
+        h, observer, n, inputs = self.horizon, synthesise(design, weights), self._order, self._inputs
         wind = von_karman_filter(
             model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
         )
         output, state = innovations(wind, self.preview)
         # Innovations from the filter's estimated state, the first of the scaled states, and the wind to come.
-        known = np.zeros((self.preview, n + 3 + self.preview))
+        known = np.zeros((self.preview, n + inputs + self.preview))
         known[:, : wind.order] = state * design.scale[: wind.order]
-        known[:, n + 3 :] = output
-        flap = np.zeros((n + 2, n + 3 + self.preview))
+        known[:, n + inputs :] = output
+        flap = np.zeros((n + inputs - 1, n + inputs + self.preview))
         flap[:n, :n] = np.eye(n)
-        flap[n, n + 1], flap[n + 1, n + 2] = 1.0 / design.angle_limit, 1.0 / design.rate_limit
+        flap[n:, n + 1 : n + inputs] = flap_units(design)
         after = np.hstack([observer.A, observer.B, np.zeros((n, self.preview))])
         if self.preview:
             after += design.G @ known[:1]
@@ -124,15 +127,16 @@ class PredictiveController:
     def unconstrained(self) -> StateSpace:
         """The linear controller of a blade it is while no stop is in sight, without previewed wind."""
         n = self._order
-        table = self._step[: n + len(CONTROLLER_INPUTS), : n + 1].T
+        table = self._step[: n + self._inputs, : n + self.flaps].T
+        channels, limit = BLADE.with_flaps(self.flaps), self._limit[:, None]
         return StateSpace(
             A=table[:n, :n],
             B=table[:n, n:],
-            C=self._limit * table[n:, :n],
-            D=self._limit * table[n:, n:],
+            C=limit * table[n:, :n],
+            D=limit * table[n:, n:],
             time_step=self.time_step,
-            inputs=BLADE.inputs,
-            outputs=BLADE.outputs,
+            inputs=channels.inputs,
+            outputs=channels.outputs,
         )
 
     def predict(
@@ -142,15 +146,16 @@ class PredictiveController:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
-        """Action (..., 3) and next estimates (..., 3, n) for an observation (..., 9 + preview)."""
+        """Action (..., 3 F) and next estimates (..., 3, n) for an observation (..., 3 + 6 F + preview)."""
         values = np.asarray(observation, dtype=float)
-        signals = BLADES * len(self.observe)
+        signals = BLADES * blade_entries(self.observe, self.flaps)
         if values.shape[-1] != signals + self.preview:
             raise ValueError(
                 f"agent {self.name}: expected {signals} observations ({', '.join(self.observe)} of three blades) and "
                 f"{self.preview} samples of coming wind, got {values.shape[-1]}"
             )
-        measured, coming = by_blade(values[..., :signals], self.observe), values[..., None, signals:]
+        measured = by_blade(values[..., :signals], self.observe, self.flaps)
+        coming = values[..., None, signals:]
         batch, n = measured.shape[:-2], self._order
         if state is None:
             state = measured @ self._start.T
@@ -159,18 +164,19 @@ class PredictiveController:
             state = np.where(begins.reshape(*batch, 1, 1), measured @ self._start.T, state)
         coming = np.broadcast_to(coming, (*batch, BLADES, self.preview))
         after = np.concatenate([state, measured, coming], axis=-1) @ self._step
-        action, rows = after[..., n], after[..., n + 1 :]
+        action, rows = after[..., n : n + self.flaps], after[..., n + self.flaps :]
         beyond = (np.abs(rows) > 1.0 + TOLERANCE).any(axis=-1)
         for index in np.argwhere(beyond):
             place = tuple(index)
-            action[place] = self.within(action[place], rows[place], measured[place][2])
+            action[place] = self.within(action[place], rows[place], measured[place][1 + self.flaps :])
+        action = action.reshape(*batch, BLADES * self.flaps)
         return np.clip(action, -1.0, 1.0).astype(np.float32), after[..., :n]
 
-    def within(self, action: float, rows: Array, rate: float) -> float:
-        """The optimal action of a blade with a stop in sight."""
+    def within(self, action: Array, rows: Array, rate: Array) -> Array:
+        """The optimal actions (F,) of a blade with a stop in sight."""
         self._solver.update(bupper=1.0 - rows, blower=-1.0 - rows)
         offsets, _, flag, _ = self._solver.solve()
         if flag != SOLVED:
-            # Nothing is feasible, which the flap's own motion never brings about: brake.
-            return float(np.clip(-rate / (self._limit * self.time_step), -1.0, 1.0))
-        return action + self.horizon.first_offset * float(offsets[0])
+            # Nothing is feasible, which the flaps' own motion never brings about: brake.
+            return np.clip(-rate / (self._limit * self.time_step), -1.0, 1.0)
+        return np.asarray(action + self.horizon.first_offset @ offsets[: self.flaps])

@@ -6,18 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flapgym.control.blade_controller import CONTROLLER_INPUTS, CONTROLLER_OUTPUTS, BladeController
+from flapgym.control.blade_controller import BladeController, acceleration_limits
+from flapgym.control.channels import BLADE
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Quantity
 from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import TurbineModel
 
-PD_START = np.array([[1.0, 0.0, 0.0]])
-"""First state per unit of the first inputs: the low-passed moment is the moment, so its slope begins at zero."""
-
 
 @dataclass(frozen=True)
 class PDGains:
-    """A demanded flap angle from the moment and its filtered slope, and the servo that follows it.
+    """A demanded flap angle from the moment and its filtered slope, and the servo of each flap that follows it.
 
     Attributes
     ----------
@@ -46,33 +45,39 @@ class PDGains:
 
 def pd_agent(name: str, model: TurbineModel, gains: PDGains) -> BladeController:
     """Three copies of the PD controller at the step of `model`, under the name given."""
-    system = pd_controller(gains, model.time_step)
-    return BladeController(name, system, PD_START, model.acceleration_limit, model.hash)
+    flaps = len(model.flaps)
+    system = pd_controller(gains, model.time_step, flaps)
+    return BladeController(name, system, pd_start(flaps), acceleration_limits(model), model.hash)
 
 
-def pd_controller(gains: PDGains, time_step: float) -> StateSpace:
-    """One state, the low-passed moment: inputs [N m, rad, rad/s], output the flap acceleration [rad/s^2].
+def pd_start(flaps: int) -> Array:
+    """First state (1, 1 + 2 F) per unit of the first inputs: the low-passed moment is the moment, its slope zero."""
+    return np.eye(1, 1 + 2 * flaps)
 
-    a = omega^2 (demand - beta) - 2 zeta omega dbeta/dt, demand = -Kp (M + Td (M - M_f) / tau).
+
+def pd_controller(gains: PDGains, time_step: float, flaps: int = 1) -> StateSpace:
+    """One state, the low-passed moment: inputs [N m, rad, rad/s], outputs the flaps' accelerations [rad/s^2].
+
+    a = omega^2 (demand - beta) - 2 zeta omega dbeta/dt, demand = -Kp (M + Td (M - M_f) / tau). A blade has one moment,
+    so its flaps have one demand, each with a servo of its own: what one loses at a stop the others do not make up for.
     """
     keep = np.exp(-time_step / gains.filter_time)
     stiffness = gains.servo_frequency**2
     # The slope is (M - M_f) / tau, whose M_f has the opposite sign: hence the plus in C and the minus in D.
     lead = gains.derivative_time / gains.filter_time
+    alike, each, channels = np.ones((flaps, 1)), np.eye(flaps), BLADE.with_flaps(flaps)
     return StateSpace(
         A=np.array([[keep]]),
-        B=np.array([[1.0 - keep, 0.0, 0.0]]),
-        C=np.array([[stiffness * gains.proportional * lead]]),
-        D=np.array(
+        B=(1.0 - keep) * np.eye(1, 1 + 2 * flaps),
+        C=stiffness * gains.proportional * lead * alike,
+        D=np.hstack(
             [
-                [
-                    -stiffness * gains.proportional * (1.0 + lead),
-                    -stiffness,
-                    -2.0 * gains.servo_damping * gains.servo_frequency,
-                ]
+                -stiffness * gains.proportional * (1.0 + lead) * alike,
+                -stiffness * each,
+                -2.0 * gains.servo_damping * gains.servo_frequency * each,
             ]
         ),
         time_step=time_step,
-        inputs=CONTROLLER_INPUTS,
-        outputs=CONTROLLER_OUTPUTS,
+        inputs=channels.inputs,
+        outputs=channels.outputs,
     )

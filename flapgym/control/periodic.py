@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.control.channels import MULTIBLADE, ROTOR
-from flapgym.control.closed_loop import flaps_loop, growth_per_turn, require_model_step
+from flapgym.control.channels import MULTIBLADE, ROTOR, controller_channels
+from flapgym.control.closed_loop import flaps_loop, growth_per_turn, require_flaps, require_model_step
 from flapgym.control.margins import DiskMargin
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace, TransferFunction
@@ -46,17 +46,19 @@ def periodic_disk_margin(
     ----------
     model : TurbineModel
     controller : StateSpace
-        Three moments, angles and rates to three accelerations. One whose loop grows (`growth_per_turn`) has the margin
-        0, at a frequency that is not known, NaN.
+        Three moments and all flaps' angles and rates to their accelerations. One whose loop grows
+        (`growth_per_turn`) has the margin 0, at a frequency that is not known, NaN.
     harmonics : int
         Kept to either side of each frequency.
     """
-    if controller.inputs != ROTOR.inputs:
+    channels = controller_channels(controller.inputs)
+    if controller.inputs != ROTOR.with_flaps(channels.flaps).inputs:
         raise ValueError(
-            f"periodic_disk_margin: expected a controller of {', '.join(ROTOR.named('rbm'))}, got one of "
+            f"periodic_disk_margin: expected a controller of {', '.join(ROTOR.moments)}, got one of "
             f"{', '.join(controller.inputs)}"
         )
     require_model_step("periodic_disk_margin.controller", controller, model)
+    require_flaps("periodic_disk_margin.controller", channels.flaps, model)
     if growth_per_turn(model, controller) >= 1.0:
         return DiskMargin(0.0, np.nan)
     loop = _LiftedLoop(model, controller, harmonics)
@@ -71,8 +73,11 @@ class _LiftedLoop:
     """1 - L at any frequencies, L from measured moments to the moments they cause, harmonic by harmonic."""
 
     def __init__(self, model: TurbineModel, controller: StateSpace, harmonics: int) -> None:
-        turbine = model.turbine.select(MULTIBLADE.inputs[3:], MULTIBLADE.named("rbm"))
-        flaps = flaps_loop(controller, np.eye(3)).select(outputs=ROTOR.inputs[3:])
+        channels = MULTIBLADE.with_flaps(len(model.flaps))
+        turbine = model.turbine.select(channels.flap_inputs, channels.moments)
+        own = ROTOR.with_flaps(channels.flaps)
+        flaps = flaps_loop(controller, np.eye(3)).select(outputs=own.flap_inputs)
+        self._signals = 2 * channels.flaps  # of flap motion: angles, then rates
         self._turbine, self._flaps = (
             TransferFunction(each.A, each.B, each.C, each.D) for each in (turbine, flaps)
         )
@@ -100,25 +105,27 @@ class _LiftedLoop:
         """(nf, m, m), three components for each harmonic."""
         count, first = self.orders.size, self.orders[0]
         shifts = np.arange(first - 1, self.orders[-1] + 2)
-        back = np.kron(np.eye(2), self._blades.conj().T)
+        signals = self._signals
+        back = np.kron(np.eye(signals), self._blades.conj().T)
         motion = back @ self._at(self._flaps, frequency, shifts) @ self._blades
         # Rows and columns harmonic by harmonic, three components each; harmonics beyond the last are left out.
-        flap_motion = np.zeros((frequency.size, 2, 3 * count, 3 * count), dtype=complex)
+        flap_motion = np.zeros((frequency.size, signals, 3 * count, 3 * count), dtype=complex)
         for index, shift in enumerate(shifts):
             # What the rotor sees at one frequency are components at three frequencies of the tower's frame.
             row = shift - TURNS - first
             inside = np.flatnonzero((row >= 0) & (row < count))
             place = 3 * row[inside] + inside
-            one = motion[:, index].reshape(-1, 2, 3, 3)
+            one = motion[:, index].reshape(-1, signals, 3, 3)
             flap_motion[:, :, place[:, None], place] = one[:, :, inside[:, None], inside]
-        back = np.kron(np.eye(2), np.linalg.inv(self._components))
+        back = np.kron(np.eye(signals), np.linalg.inv(self._components))
         turbine = self._components @ self._at(self._turbine, frequency, self.orders) @ back
         result = np.tile(np.eye(3 * count, dtype=complex), (frequency.size, 1, 1))
         for row in range(count):
             here = slice(3 * row, 3 * row + 3)
             # Minus L; the measured moment comes with its own sign, the controller holds the feedback's.
-            result[:, here] -= turbine[:, row, :, :3] @ flap_motion[:, 0, here]
-            result[:, here] -= turbine[:, row, :, 3:] @ flap_motion[:, 1, here]
+            for signal in range(signals):
+                own = turbine[:, row, :, 3 * signal : 3 * signal + 3]
+                result[:, here] -= own @ flap_motion[:, signal, here]
         return result
 
     def _at(self, transfer: TransferFunction, frequency: Array, orders: Indices) -> Response:

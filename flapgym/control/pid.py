@@ -11,17 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from flapgym.control.blade_controller import BladeController
+from flapgym.control.blade_controller import BladeController, acceleration_limits
 from flapgym.control.channels import MULTIBLADE
-from flapgym.control.pd import PD_START, PDGains, pd_controller
+from flapgym.control.pd import PDGains, pd_controller, pd_start
 from flapgym.control.rotor_controller import RotorController
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Quantity
 from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import TurbineModel
-
-PID_START = np.vstack([PD_START, np.zeros((1, 3))])
-"""First state per unit of the first inputs: no slope, and nothing integrated yet."""
 
 
 @dataclass(frozen=True)
@@ -47,20 +44,25 @@ class PIDGains(PDGains):
 
 def pid_agent(name: str, model: TurbineModel, gains: PIDGains) -> BladeController:
     """Three copies of the PID controller at the step of `model`, under the name given."""
-    system = pid_controller(gains, model.time_step)
-    return BladeController(name, system, PID_START, model.acceleration_limit, model.hash)
+    flaps = len(model.flaps)
+    system = pid_controller(gains, model.time_step, flaps)
+    return BladeController(name, system, pid_start(flaps), acceleration_limits(model), model.hash)
 
 
-def pid_controller(gains: PIDGains, time_step: float) -> StateSpace:
-    """States [low-passed moment, leaky integral of the moment]; inputs and output as of `pd_controller`."""
-    pd = pd_controller(gains, time_step)
+def pid_start(flaps: int) -> Array:
+    """First state (2, 1 + 2 F) per unit of the first inputs: no slope, and nothing integrated yet."""
+    return np.vstack([pd_start(flaps), np.zeros((1, 1 + 2 * flaps))])
+
+
+def pid_controller(gains: PIDGains, time_step: float, flaps: int = 1) -> StateSpace:
+    """States [low-passed moment, leaky integral of the moment]; inputs and outputs as of `pd_controller`."""
+    pd = pd_controller(gains, time_step, flaps)
     keep = np.exp(-time_step / gains.leak_time)
-    drive = np.array([[1.0 - keep, 0.0, 0.0]])
     integral = -(gains.servo_frequency**2) * gains.proportional * gains.integral_gain
     return StateSpace(
         A=block_diag(pd.A, keep),
-        B=np.vstack([pd.B, drive]),
-        C=np.hstack([pd.C, [[integral]]]),
+        B=np.vstack([pd.B, (1.0 - keep) * np.eye(1, 1 + 2 * flaps)]),
+        C=np.hstack([pd.C, np.full((flaps, 1), integral)]),
         D=pd.D,
         time_step=time_step,
         inputs=pd.inputs,
@@ -75,25 +77,33 @@ def multiblade_pid_agent(
 
     The moments of the blades are turned into components of the fixed frame by the azimuth, each channel has a PID of
     its own, and the demands are turned back. Tilt and yaw share their gains, so the law knows no preferred azimuth.
-    The servo acts blade by blade on flap motions read after the stops. In the linear turbine nothing stands at
-    multiples of the blade passing frequency, so there is no notch; the slope's low-pass is the only filter.
+    The servo acts flap by flap on motions read after the stops, the flaps of a blade having one demand. In the linear
+    turbine nothing stands at multiples of the blade passing frequency, so there is no notch; the slope's low-pass is
+    the only filter.
     """
-    channels = [pid_controller(gains, model.time_step) for gains in (collective, cyclic, cyclic)]
+    flaps = len(model.flaps)
+    channels = [pid_controller(gains, model.time_step, flaps) for gains in (collective, cyclic, cyclic)]
+    signals = MULTIBLADE.with_flaps(flaps)
     system = StateSpace(
         A=block_diag(*(each.A for each in channels)),
         B=_by_signal([each.B for each in channels]),
-        C=block_diag(*(each.C for each in channels)),
-        D=_by_signal([each.D for each in channels]),
+        C=_by_signal([each.C.T for each in channels]).T,
+        D=_by_signal([each.D for each in channels])[_signal_order(flaps, len(channels))],
         time_step=model.time_step,
-        inputs=MULTIBLADE.inputs,
-        outputs=MULTIBLADE.outputs,
+        inputs=signals.inputs,
+        outputs=signals.outputs,
     )
-    return RotorController(name, system, _by_signal([PID_START] * 3), model.acceleration_limit, model.hash)
+    start = _by_signal([pid_start(flaps)] * 3)
+    return RotorController(name, system, start, acceleration_limits(model), model.hash)
 
 
 def _by_signal(parts: list[Array]) -> Array:
     """Block diagonal with the columns signal by signal: the moments of all channels, then angles, then rates."""
     joined = block_diag(*parts)
     signals = parts[0].shape[1]
-    order = [channel * signals + signal for signal in range(signals) for channel in range(len(parts))]
-    return np.asarray(joined[:, order])
+    return np.asarray(joined[:, _signal_order(signals, len(parts))])
+
+
+def _signal_order(signals: int, channels: int) -> list[int]:
+    """Places of what stands channel by channel, signal by signal."""
+    return [channel * signals + signal for signal in range(signals) for channel in range(channels)]

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.control.agent import Floats
+from flapgym.control.agent import Floats, blade_entries, blade_places
 from flapgym.control.agent_checks import (
     BLADE_QUANTITIES,
     check_hash,
@@ -37,8 +37,9 @@ class Policy:
     steps_per_action : int
         Plant steps for which an action is held.
     per_blade : bool
-        True: one network of one action serves each blade with that blade's observations, in the order of `observe`.
-        False: one network of three actions sees the whole observation.
+        True: one network serves each blade with that blade's observations, in the order of `observe` and of flaps one
+        after the other; it has an action for each of the blade's F flaps. False: one network of 3 F actions, in the
+        order of the environment's, sees the whole observation.
     offset, scale : (n,) float
         The network sees (observation - offset) * scale, in the environment's units; one entry per network input.
     weights, biases : tuple of (outputs, inputs) and (outputs,) float
@@ -95,7 +96,13 @@ class Policy:
         self._check_shapes()
 
     def _check_shapes(self) -> None:
-        size = len(self.observe) * (1 if self.per_blade else BLADES)
+        actions, blades = self.biases[-1].size, 1 if self.per_blade else BLADES
+        if not actions or actions % blades:
+            raise ValueError(
+                f"weights: expected {blades} {'action' if self.per_blade else 'actions'} of the last layer for each "
+                f"flap of a blade, got {actions}"
+            )
+        size = blade_entries(self.observe, self.flaps) * blades
         if self.offset.shape != (size,) or self.scale.shape != (size,):
             raise ValueError(
                 f"offset and scale: expected {size} entries each, got {self.offset.size} and {self.scale.size}"
@@ -106,10 +113,11 @@ class Policy:
                     f"weights: expected a layer of {(bias.size, size)} after {size} values, got {weight.shape}"
                 )
             size = bias.size
-        if size != (1 if self.per_blade else BLADES):
-            raise ValueError(
-                f"weights: expected {1 if self.per_blade else BLADES} actions of the last layer, got {size}"
-            )
+
+    @property
+    def flaps(self) -> int:
+        """Flaps a blade: what its last layer has actions for."""
+        return self.biases[-1].size // (1 if self.per_blade else BLADES)
 
     def predict(
         self,
@@ -118,20 +126,22 @@ class Policy:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
-        """Action (..., 3) for an observation (..., 3 n); always the mean action."""
+        """Action (..., 3 F) for an observation (..., 3 n); always the mean action."""
         values = np.asarray(observation, dtype=float)
-        expected = BLADES * len(self.observe)
+        expected = BLADES * blade_entries(self.observe, self.flaps)
         if values.shape[-1] != expected:
             raise ValueError(
                 f"agent {self.name}: expected {expected} observations ({', '.join(self.observe)} of three blades), "
                 f"got {values.shape[-1]}"
             )
         if self.per_blade:
-            values = values.reshape(*values.shape[:-1], len(self.observe), BLADES).swapaxes(-1, -2)
+            values = values[..., blade_places(self.observe, self.flaps)]
         hidden = (values - self.offset) * self.scale
         for index, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if index:
                 hidden = np.tanh(hidden) if self.activation == "tanh" else np.maximum(hidden, 0.0)
             hidden = hidden @ weight.T + bias
         action = np.tanh(hidden) if self.squash == "tanh" else np.clip(hidden, -1.0, 1.0)
-        return (action[..., 0] if self.per_blade else action).astype(np.float32), None
+        if self.per_blade:
+            action = action.reshape(*action.shape[:-2], BLADES * self.flaps)
+        return action.astype(np.float32), None

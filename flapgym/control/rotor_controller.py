@@ -1,4 +1,4 @@
-"""A linear controller for all three flaps: in the blades' own frames, or in multi-blade coordinates (paper IV.C)."""
+"""A linear controller for all blades' flaps: in the blades' own frames, or in multi-blade coordinates (paper IV.C)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from flapgym.control.agent import Floats, by_blade
 from flapgym.control.agent_checks import check_hash, check_numbers, error_prefix, named_errors
-from flapgym.control.blade_controller import CONTROLLER_INPUTS, step_matrix
-from flapgym.control.channels import MULTIBLADE, Channels, controller_channels
+from flapgym.control.blade_controller import OBSERVED, check_limits, step_matrix
+from flapgym.control.channels import Channels, controller_channels
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.state_space import StateSpace
 from flapgym.model.multiblade import to_blades, to_components
@@ -29,10 +29,10 @@ class RotorController:
         What tables call it.
     system : StateSpace
         Inputs and outputs of the channels ``ROTOR`` or ``MULTIBLADE`` in SI units, at the plant's step.
-    start : (order, 9) float
+    start : (order, 3 + 6 F) float
         State at the start of an episode from the first inputs.
-    acceleration_limit : float
-        Acceleration of a full action [rad/s^2].
+    acceleration_limits : tuple of float
+        Acceleration of a full action of each of a blade's F flaps [rad/s^2].
     model_hash : str or None
         Hash of the model it was designed on.
     """
@@ -40,7 +40,7 @@ class RotorController:
     name: str
     system: StateSpace
     start: Array
-    acceleration_limit: float
+    acceleration_limits: tuple[float, ...]
     model_hash: str | None = None
     observe: tuple[str, ...] = field(init=False)
     steps_per_action: int = field(default=1, init=False)
@@ -58,17 +58,29 @@ class RotorController:
             or self.system.outputs != channels.outputs
         ):
             raise ValueError(
-                f"expected a controller of three flaps, got {self.system.inputs} to {self.system.outputs}"
+                f"expected a controller of three blades' flaps, got {self.system.inputs} to {self.system.outputs}"
             )
-        if not 0.0 < self.acceleration_limit < np.inf:
-            raise ValueError(f"acceleration_limit: expected a positive number, got {self.acceleration_limit}")
+        object.__setattr__(
+            self, "acceleration_limits", check_limits(self.acceleration_limits, channels.flaps)
+        )
         check_hash(self.model_hash)
         object.__setattr__(self, "start", check_numbers(self.start, "start", 2))
-        if self.start.shape != (self.system.order, 3 * BLADES):
-            raise ValueError(f"start: expected shape {(self.system.order, 9)}, got {self.start.shape}")
-        azimuth = ("azimuth",) if channels == MULTIBLADE else ()
-        object.__setattr__(self, "observe", (*CONTROLLER_INPUTS, *azimuth))
-        object.__setattr__(self, "_step", step_matrix(self.system, self.acceleration_limit))
+        expected = self.system.order, len(channels.inputs)
+        if self.start.shape != expected:
+            raise ValueError(f"start: expected shape {expected}, got {self.start.shape}")
+        azimuth = ("azimuth",) if channels.multiblade else ()
+        object.__setattr__(self, "observe", (*OBSERVED, *azimuth))
+        object.__setattr__(self, "_step", step_matrix(self.system, self._unit))
+
+    @property
+    def _unit(self) -> Array:
+        """Acceleration of a full action of each output, which stand flap by flap."""
+        return np.repeat(self.acceleration_limits, BLADES)
+
+    @property
+    def flaps(self) -> int:
+        """Flaps a blade."""
+        return self.channels.flaps
 
     @property
     def time_step(self) -> float:
@@ -87,20 +99,23 @@ class RotorController:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
-        """Action (..., 3) and next state (..., order) for an observation (..., 9), or (..., 11) with the azimuth."""
+        """Action (..., 3 F) and next state (..., order) for an observation (..., 3 + 6 F), of the azimuth two more."""
         values = np.asarray(observation)
-        signals = 3 * BLADES
+        flaps, signals = self.flaps, len(self.system.inputs)
+        turned = self.channels.multiblade
+        if turned and values.shape[-1] != signals + 2:
+            raise ValueError(
+                f"agent {self.name}: expected {signals + 2} observations ({', '.join(self.observe)}), "
+                f"got {values.shape[-1]}"
+            )
         with error_prefix(self.name):
-            blades = np.swapaxes(by_blade(values[..., :signals], CONTROLLER_INPUTS), -1, -2)
-        turned = self.channels == MULTIBLADE
+            own = values[..., :signals] if turned else values
+            # A signal's blades side by side, as the controller takes them.
+            blades = np.swapaxes(by_blade(own, OBSERVED, flaps), -1, -2)
+        azimuth = np.empty(0)
         if turned:
-            if values.shape[-1] != signals + 2:
-                raise ValueError(
-                    f"agent {self.name}: expected {signals + 2} observations ({', '.join(self.observe)}), "
-                    f"got {values.shape[-1]}"
-                )
-            azimuth = np.arctan2(values[..., signals + 1], values[..., signals]).astype(float)
-            blades = to_components(blades, azimuth[..., None])
+            azimuth = np.arctan2(values[..., signals + 1], values[..., signals]).astype(float)[..., None]
+            blades = to_components(blades, azimuth)
         measured = blades.reshape(*blades.shape[:-2], signals)
         order, batch = self.system.order, measured.shape[:-1]
         if state is None:
@@ -109,5 +124,9 @@ class RotorController:
             begins = np.broadcast_to(np.asarray(episode_start, dtype=bool).reshape(-1), batch or (1,))
             state = np.where(begins.reshape(*batch, 1), measured @ self.start.T, state)
         after = np.concatenate([state, measured], axis=-1) @ self._step
-        demand = to_blades(after[..., order:], azimuth) if turned else after[..., order:]
-        return np.clip(demand, -1.0, 1.0).astype(np.float32), after[..., :order]
+        demand = after[..., order:].reshape(*batch, flaps, BLADES)
+        if turned:
+            demand = to_blades(demand, azimuth)
+        # Actions stand blade by blade.
+        action = np.swapaxes(demand, -1, -2).reshape(*batch, BLADES * flaps)
+        return np.clip(action, -1.0, 1.0).astype(np.float32), after[..., :order]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
-from flapgym.control.agent import check_time_step
+from flapgym.control.agent import check_fit
 from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
 from flapgym.core.fields import Count, Quantity
@@ -96,7 +96,7 @@ class Comparison:
     rotor_speed : float
         [rad/s].
     flap_angle_limit : float
-        [rad].
+        Of a blade's first flap [rad].
     """
 
     scores: dict[str, Score]
@@ -188,7 +188,7 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
         seed=seeds[0],
         duration=duration,
         rotor_speed=model.rotor_speed,
-        flap_angle_limit=model.flap_angle_limit,
+        flap_angle_limit=model.flaps[0].angle_limit,
     )
 
 
@@ -207,7 +207,7 @@ def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: Turbin
         check_agent(agent, OBSERVABLES)
     ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if not isinstance(agent, OpenLoop)))
     for agent in ordered:
-        check_time_step(agent, model.time_step)
+        check_fit(agent, model)
     names = [agent.name for agent in ordered]
     for name in names:
         if names.count(name) > 1:

@@ -25,8 +25,8 @@ class Record:
     ----------
     rbm, tip_deflection : (N, T, 3) float
         Flapwise root bending moment [N m] and tip deflection [m].
-    flap_angle, flap_rate : (N, T, 3) float
-        Flap motion after its stops [rad, rad/s].
+    flap_angle, flap_rate : (N, T, 3 F) float
+        Flap motion after its stops [rad, rad/s], of F flaps a blade blade by blade.
     tower_fore_aft, tower_side_side, wind : (N, T) float
         Tower-top displacement downwind and sideways [m], wind perturbation [m/s].
     azimuth : (N,) float
@@ -57,9 +57,9 @@ class Metrics:
     tower_rms : (N,) float
         Rms of the tower-top displacement [m].
     flap_angle_max, flap_rate_max : (N,) float
-        Largest modulus over time and blades [rad, rad/s].
+        Largest modulus over time, blades and their flaps [rad, rad/s].
     flap_travel : (N,) float
-        Path of the flap per unit of time, mean over blades [rad/s].
+        Path of a flap per unit of time, mean over blades and their flaps [rad/s].
     """
 
     rbm_rms: NDArray[np.float64]
@@ -77,7 +77,7 @@ def measure(record: Record) -> Metrics:
     Raises
     ------
     ValueError
-        If a series holds what is no finite number, or has another shape than the moments.
+        If a series holds what is no finite number, or has not the moments' shape.
     """
     _check(record)
     duration = (record.flap_angle.shape[1] - 1) * record.time_step
@@ -182,8 +182,12 @@ def _check(record: Record) -> None:
     """Refuse a record whose series do not belong together or hold what is no load."""
     Quantity("time", above=0.0).check(record.time_step, "record.time_step")
     blades = Numbers(axes=3).check(record.rbm, "record.rbm").shape
+    # As many flaps a blade as the angles tell, at least one.
+    flaps = max(1, sum(np.shape(record.flap_angle)[-1:]) // blades[2])
+    motion = (*blades[:2], flaps * blades[2])
+    shapes = {"tip_deflection": blades, "flap_angle": motion, "flap_rate": motion}
     for name in ("tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "tower_side_side", "wind"):
-        shape = blades if name in ("tip_deflection", "flap_angle", "flap_rate") else blades[:2]
+        shape = shapes.get(name, blades[:2])
         found = Numbers().check(getattr(record, name), f"record.{name}").shape
         if found != shape:
             raise ValueError(f"record.{name}: expected shape {shape}, as of the moments, got {found}")

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control import Agent, OpenLoop
-from flapgym.control.agent import check_time_step
-from flapgym.core.arrays import Array
+from flapgym.control.agent import check_fit
+from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
@@ -71,7 +71,7 @@ def simulate_together(
         raise ValueError(f"simulate.seeds: expected a list of one or more, got {shown(seeds)}")
     Quantity("time", above=0.0).check(duration, "simulate.duration")
     for agent in agents:
-        check_time_step(agent, model.time_step)
+        check_fit(agent, model)
     records: dict[int, Record] = {}
     for steps in dict.fromkeys(agent.steps_per_action for agent in agents):
         group = [index for index, agent in enumerate(agents) if agent.steps_per_action == steps]
@@ -101,7 +101,7 @@ class _Player:
     columns : (n,) int
         Of the shared observation, in the order of the agents' own.
     act : callable
-        Actions (turbines, 3) for observations (turbines, n) after so many samples; each call is the next step.
+        Actions (turbines, 3 F) for observations (turbines, n) after so many samples; each call is the next step.
     """
 
     rows: slice
@@ -201,6 +201,7 @@ def _alone(
     preview = getattr(agent, "preview", 0)
     coming = coming_wind(model, seeds, samples + preview, **settings) if preview else None
     state: Array | None = None
+    expected = (len(seeds), BLADES * len(model.flaps))
 
     def act(observation: NDArray[np.float32], done: int) -> NDArray[np.float32]:
         nonlocal state
@@ -208,6 +209,12 @@ def _alone(
             observation = np.hstack([observation, coming[:, done : done + preview]])
         start = np.full(len(observation), done == 0)
         action, state = agent.predict(observation, state, start)
+        # An agent of another's making need not tell for how many flaps it is.
+        if np.shape(action) != expected:
+            raise ValueError(
+                f"agent {agent.name}: expected actions of shape {expected}, {len(model.flaps)} a blade, "
+                f"got {np.shape(action)}; make it for the model {model.name}"
+            )
         return action
 
     return act

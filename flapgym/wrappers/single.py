@@ -19,7 +19,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.control import load_agent
-from flapgym.control.agent import Agent, Floats, check_time_step
+from flapgym.control.agent import Agent, Floats, blade_entries, check_fit
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import is_number
 from flapgym.core.wording import shown
@@ -277,11 +277,12 @@ def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agen
             f"agent {agent.name} holds an action for {agent.steps_per_action} plant steps, the environment for "
             f"{settings.steps_per_action}: make it with steps_per_action={agent.steps_per_action}"
         )
-    check_time_step(agent, model.time_step)
+    check_fit(agent, model)
     columns = np.array([index for name in agent.observe for index in places[name]])
     if settings.single_blade:
-        agent = OneBlade(agent) if getattr(agent, "per_blade", False) else agent
-        _check_one_blade(agent, columns.size)
+        flaps = len(model.flaps)
+        agent = OneBlade(agent, flaps) if getattr(agent, "per_blade", False) else agent
+        _check_one_blade(agent, columns.size, flaps)
     return agent, columns
 
 
@@ -291,12 +292,20 @@ class OneBlade:
     Parameters
     ----------
     agent : Agent
+    flaps : int
+        Of the blade.
     """
 
-    def __init__(self, agent: Agent) -> None:
+    def __init__(self, agent: Agent, flaps: int) -> None:
         self.name, self.observe, self.steps_per_action = agent.name, agent.observe, agent.steps_per_action
         self.model_hash = getattr(agent, "model_hash", None)
-        self._agent = agent
+        self._agent, self._flaps = agent, flaps
+        sizes = [blade_entries((name,), flaps) for name in agent.observe]
+        ends = np.cumsum(sizes)
+        # What a blade has of an observation stands together, so three blades alike repeat it name by name.
+        self._alike = np.concatenate(
+            [np.tile(np.arange(end - size, end), BLADES) for size, end in zip(sizes, ends, strict=True)]
+        )
 
     def predict(
         self,
@@ -305,20 +314,20 @@ class OneBlade:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Array | None]:
-        """Action (..., 1) for an observation (..., n), and the state to hand back next time."""
-        alike = np.repeat(observation, BLADES, axis=-1)
+        """Action (..., F) for an observation (..., n), and the state to hand back next time."""
+        alike = np.asarray(observation)[..., self._alike]
         action, state = self._agent.predict(alike, state, episode_start, deterministic)
-        return action[..., :1], state
+        return action[..., : self._flaps], state
 
 
-def _check_one_blade(agent: Agent, size: int) -> None:
+def _check_one_blade(agent: Agent, size: int, flaps: int) -> None:
     """Refuse an agent that cannot act on one blade's observations; trying tells, also of agents not our own."""
     try:
         action, _ = agent.predict(np.zeros(size, dtype=np.float32), None)
     except (ValueError, TypeError, IndexError) as error:
         found = str(error)
     else:
-        if np.shape(action) == (1,):
+        if np.shape(action) == (flaps,):
             return
         found = f"it gives actions of shape {np.shape(action)}"
     raise ValueError(

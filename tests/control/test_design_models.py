@@ -120,7 +120,7 @@ def test_copies_of_a_blades_controller_in_multi_blade_coordinates_act_as_the_cop
     blade = lqg_agent("blade", MODEL, WEIGHTS)
     system = _in_frame(blade.system, MODEL, MODEL.turbine)
     start = np.hstack([np.kron(np.eye(3), column[:, None]) for column in blade.start.T])
-    rotor = RotorController("rotor", system, start, MODEL.acceleration_limit)
+    rotor = RotorController("rotor", system, start, (MODEL.flaps[0].acceleration_limit,))
     ours, copies = (simulate(agent, MODEL, range(2), 12.0) for agent in (rotor, blade))
     np.testing.assert_allclose(
         ours.flap_angle, copies.flap_angle, atol=1e-5 * np.abs(copies.flap_angle).max()
@@ -130,7 +130,7 @@ def test_copies_of_a_blades_controller_in_multi_blade_coordinates_act_as_the_cop
 def test_simulated_rms_of_the_multi_blade_lqg_is_that_of_its_lyapunov_equation():
     agent = lqg_agent("multiblade", MODEL, Weights(0.2), design_model(MODEL, MODEL.turbine))
     record, reference = (simulate(each, MODEL, range(40, 56), 60.0) for each in (agent, _no_flap()))
-    assert np.abs(record.flap_angle).max() < MODEL.flap_angle_limit
+    assert np.abs(record.flap_angle).max() < MODEL.flaps[0].angle_limit
     settled = slice(3000, None)
     ratio = root_mean_square(record.rbm[:, settled], axis=None) / root_mean_square(
         reference.rbm[:, settled], axis=None

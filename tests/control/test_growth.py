@@ -47,7 +47,7 @@ def test_three_copies_in_the_blades_own_frames_double_in_the_time_of_their_time_
         ROTOR.inputs,
         ROTOR.outputs,
     )
-    own = RotorController("own", copies, np.zeros((copies.order, 9)), 10.0)
+    own = RotorController("own", copies, np.zeros((copies.order, 9)), (10.0,))
     expected = growth(closed_loop(STRONG, system)).doubling_time
     found = agent_growth(own, STRONG)
     assert np.isnan(found.frequency)
@@ -60,7 +60,7 @@ def test_a_controller_in_either_time_invariant_frame_has_one_growth():
     together = _in_frame(system, MODEL, MODEL.turbine)
     blade, rotor = (
         lqg_agent("blade", MODEL, Weights(30.0)),
-        RotorController("rotor", together, np.zeros((together.order, 9)), 10.0),
+        RotorController("rotor", together, np.zeros((together.order, 9)), (10.0,)),
     )
     assert agent_growth(rotor, STRONG).frequency == pytest.approx(agent_growth(blade, STRONG).frequency)
     assert agent_growth(OpenLoop(), STRONG) is None

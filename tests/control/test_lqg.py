@@ -87,7 +87,7 @@ def _single_blade_loop(design, controller):
     """Design model, actuator and controller closed by hand; inputs white noise and measurement noise [MN m]."""
     a, b, c = with_actuator(design)
     n, m = a.shape[0], controller.order
-    units = np.array([design.angle_limit, design.rate_limit])
+    units = np.concatenate([design.angle_limit, design.rate_limit])
     flap = np.zeros((2, n))
     flap[0, -2], flap[1, -1] = units
     measured = np.vstack([RBM_UNIT * c, flap])
@@ -171,7 +171,8 @@ def test_scaling_leaves_the_design_models_response(design):
     )
     frequency = [0.0, 0.3, 1.0, 10.0]
     blade = model.blade.select(["flap_angle", "flap_rate"], ["rbm"]).frequency_response(frequency)
-    units = [model.flap_angle_limit / RBM_UNIT, model.flap_rate_limit / RBM_UNIT]
+    (flap,) = model.flaps
+    units = [flap.angle_limit / RBM_UNIT, flap.rate_limit / RBM_UNIT]
     np.testing.assert_allclose(system.frequency_response(frequency), blade * units, rtol=1e-9)
 
 

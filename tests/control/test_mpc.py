@@ -15,6 +15,7 @@ from flapgym.wind import von_karman_filter
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
+STOPS = MODEL.flaps[0]
 GENTLE = Weights(0.05)
 FIERCE = Weights(30.0, 1.0, 1.0, 0.05)
 STEPS = 25
@@ -62,7 +63,8 @@ def _first_action(horizon, z, w):
         np.zeros(p.size, dtype=np.int32),
     )
     assert flag == 1
-    return -horizon.gain @ z + horizon.preview_gain @ w + horizon.first_offset * d[0], np.abs(d).max()
+    (action,) = -horizon.gain @ z + horizon.preview_gain @ w + horizon.first_offset @ d[:1]
+    return action, np.abs(d).max()
 
 
 def _case(preview, size, monkeypatch):
@@ -107,7 +109,7 @@ def test_at_the_stops_the_condensed_optimum_is_the_one_written_out(preview, monk
 def test_without_a_stop_in_sight_it_is_the_lqg_for_any_horizon_and_blocks():
     """Actions pass as float32, which is what the tolerance is for."""
     lqg = simulate(lqg_agent("lqg", MODEL, GENTLE), MODEL, range(3), 20.0)
-    assert np.abs(lqg.flap_angle).max() < 0.9 * MODEL.flap_angle_limit
+    assert np.abs(lqg.flap_angle).max() < 0.9 * STOPS.angle_limit
     for blocks in ((1, 1, 2, 4), (5, 20, 50)):
         mpc = simulate(PredictiveController("mpc", MODEL, GENTLE, blocks=blocks), MODEL, range(3), 20.0)
         np.testing.assert_allclose(mpc.flap_angle, lqg.flap_angle, atol=1e-6 * np.abs(lqg.flap_angle).max())
@@ -118,9 +120,9 @@ def _march(agent, loads):
     dt, angle, rate, state, motion = MODEL.time_step, np.zeros(3), np.zeros(3), None, []
     for load in loads:
         action, state = agent.predict(np.concatenate([load, angle, rate]), state)
-        acceleration = action.astype(float) * MODEL.acceleration_limit
+        acceleration = action.astype(float) * STOPS.acceleration_limit
         angle, rate = angle + dt * rate + 0.5 * dt**2 * acceleration, rate + dt * acceleration
-        motion.append(np.concatenate([angle / MODEL.flap_angle_limit, rate / MODEL.flap_rate_limit]))
+        motion.append(np.concatenate([angle / STOPS.angle_limit, rate / STOPS.rate_limit]))
     return np.array(motion)
 
 
@@ -136,9 +138,7 @@ def test_it_never_asks_the_flap_beyond_its_stops():
 
 def test_a_flap_no_plan_can_keep_within_its_stops_is_braked():
     agent = PredictiveController("mpc", MODEL, FIERCE)
-    lost = np.concatenate(
-        [np.zeros(3), [0.99 * MODEL.flap_angle_limit] * 3, [0.9 * MODEL.flap_rate_limit] * 3]
-    )
+    lost = np.concatenate([np.zeros(3), [0.99 * STOPS.angle_limit] * 3, [0.9 * STOPS.rate_limit] * 3])
     action, _ = agent.predict(lost)
     np.testing.assert_array_equal(action, -1.0)
 

@@ -87,8 +87,8 @@ def test_the_saturating_lqg_stays_within_the_stops_and_reduces_twice_as_much(mod
     change = {name: np.mean(each.rbm_rms / reference.rbm_rms) - 1.0 for name, each in metrics.items()}
     assert change[WHOLE] < change["lqg_saturating"] < 1.6 * change["lqg"] < 0.0
     for each in metrics.values():
-        assert each.flap_angle_max.max() <= model.flap_angle_limit * (1.0 + 1e-12)
-        assert each.flap_rate_max.max() <= model.flap_rate_limit * (1.0 + 1e-12)
+        assert each.flap_angle_max.max() <= model.flaps[0].angle_limit * (1.0 + 1e-12)
+        assert each.flap_rate_max.max() <= model.flaps[0].rate_limit * (1.0 + 1e-12)
 
 
 def test_individual_flap_control_takes_a_steady_tilting_moment_away(model):

@@ -41,7 +41,7 @@ def _slow(system: StateSpace) -> StateSpace:
 
 
 CONTROLLER = _slow(AGENT.system)
-LABELLED = BladeController("mine", CONTROLLER, AGENT.start, MODEL.acceleration_limit)
+LABELLED = BladeController("mine", CONTROLLER, AGENT.start, AGENT.acceleration_limits)
 ROTOR_CONTROLLER = StateSpace(
     np.zeros((0, 0)), np.zeros((0, 9)), np.zeros((3, 0)), np.zeros((3, 9)), SLOW, ROTOR.inputs, ROTOR.outputs
 )

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flapgym.core.arrays import BLADES, Array
 from flapgym.model.multiblade import to_blades, to_components
@@ -43,7 +42,7 @@ def run(
     state: Array | None = None,
     flap_angle: Array | None = None,
     flap_rate: Array | None = None,
-    effectiveness: ArrayLike = 1.0,
+    effectiveness: Array | float = 1.0,
     lag: float = 0.0,
 ) -> Run:
     """Simulate T steps under flap accelerations (T, 3 F) [rad/s^2] and wind (T + 1,) [m/s].

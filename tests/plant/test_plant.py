@@ -245,3 +245,17 @@ def test_winds_by_strip_beside_the_homogeneous_one_change_nothing():
     expected, got = flown(plain, start, actions), flown(strips, start, actions)
     for name in plain.quantities.sample:
         assert_near(got.samples(name), expected.samples(name), 1e-12, name)
+
+
+def test_models_of_the_same_numbers_under_other_names_are_not_taken_for_each_other():
+    model = model_of(1, True)
+    own = model.turbine.outputs[:8]
+    others = ("tilt", "speed_0", "speed_c", "speed_s", "yaw", "hinge_0", "hinge_c", "hinge_s")
+    renamed = replace(model, turbine=replace(model.turbine, outputs=(*own, *others)))
+    for each in (model, renamed, model):
+        plant = plant_of(1, 5, 20, each, "numpy")
+        actions = actions_of(plant, 20)
+        flight = flown(plant, rest(plant), actions)
+        held = np.repeat(each.acceleration_limit * actions[:, 0], 5, axis=0)
+        for name, values in run(each, held, np.zeros(101)).outputs.items():
+            assert_near(flight.samples(name)[:, 0], values[1:], 1e-9, name)

@@ -6,13 +6,14 @@ The matrices of the model file as they are, wind and flaps together, no modes, n
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array
 from flapgym.model.multiblade import to_blades, to_components
-from flapgym.model.turbine_model import TurbineModel
+from flapgym.model.turbine_model import ModelFlap, TurbineModel
 from flapgym.plant.actuator import TOUCH
 
 
@@ -22,17 +23,13 @@ class Run:
 
     Attributes
     ----------
-    rbm, tip_deflection : (T + 1, 3) float
-        [N m, m].
-    tower : (T + 1, 2) float
-        [m].
-    flap_angle, flap_rate : (T + 1, 3) float
-        [rad, rad/s].
+    outputs : mapping of str to float arrays
+        What the model tells, by name: (T + 1, 3) of a quantity of the blades, (T + 1, 1) in the fixed frame.
+    flap_angle, flap_rate : (T + 1, 3 F) float
+        Flap by flap on each blade [rad, rad/s].
     """
 
-    rbm: Array
-    tip_deflection: Array
-    tower: Array
+    outputs: Mapping[str, Array]
     flap_angle: Array
     flap_rate: Array
 
@@ -45,8 +42,10 @@ def run(
     state: Array | None = None,
     flap_angle: Array | None = None,
     flap_rate: Array | None = None,
+    effectiveness: Array | float = 1.0,
+    lag: float = 0.0,
 ) -> Run:
-    """Simulate T steps under flap accelerations (T, 3) [rad/s^2] and wind (T + 1,) [m/s].
+    """Simulate T steps under flap accelerations (T, 3 F) [rad/s^2] and wind (T + 1,) [m/s].
 
     Parameters
     ----------
@@ -56,42 +55,64 @@ def run(
         Of blade 1 at sample 0 [rad].
     state : (n,) float, optional
         Of the turbine at sample 0; rest by default.
-    flap_angle, flap_rate : (3,) float, optional
+    flap_angle, flap_rate : (3 F,) float, optional
         At sample 0 [rad, rad/s]; zero by default.
+    effectiveness : float or (3 F,) float
+        Factor on what each flap does to the air.
+    lag : float
+        Time constant [s] of the acceleration behind its command; it acts from zero.
     """
-    system, dt = model.turbine, model.time_step
-    steps = acceleration.shape[0]
+    system, dt, steps = model.turbine, model.time_step, acceleration.shape[0]
+    flaps = model.flaps * BLADES
     x = np.zeros(system.order) if state is None else np.array(state, dtype=float)
-    angle = np.zeros(BLADES) if flap_angle is None else np.array(flap_angle, dtype=float)
-    rate = np.zeros(BLADES) if flap_rate is None else np.array(flap_rate, dtype=float)
-    outputs, angles, rates = np.empty((steps + 1, 8)), np.empty((steps + 1, 3)), np.empty((steps + 1, 3))
+    angle = np.zeros(len(flaps)) if flap_angle is None else np.array(flap_angle, dtype=float)
+    rate = np.zeros(len(flaps)) if flap_rate is None else np.array(flap_rate, dtype=float)
+    lagged = np.zeros(len(flaps))
+    outputs = np.empty((steps + 1, len(system.outputs)))
+    angles, rates = np.empty((steps + 1, len(flaps))), np.empty((steps + 1, len(flaps)))
     theta = azimuth + model.rotor_speed * dt * np.arange(steps + 1)
     for n in range(steps + 1):
         angles[n], rates[n] = angle, rate
-        u = np.concatenate([to_components(angle, theta[n]), to_components(rate, theta[n]), wind[n : n + 1]])
+        u = np.zeros(len(system.inputs))
+        of_flaps = [_components(effectiveness * each, theta[n]) for each in (angle, rate)]
+        u[: 6 * len(model.flaps)] = np.concatenate(of_flaps)
+        u[system.inputs.index("wind")] = wind[n]
         outputs[n] = system.C @ x + system.D @ u
         x = system.A @ x + system.B @ u
-        if n < steps:
-            angle, rate = _flap_step(model, angle, rate, acceleration[n])
-    return Run(
-        rbm=to_blades(outputs[:, 0:3], theta),
-        tip_deflection=to_blades(outputs[:, 3:6], theta),
-        tower=outputs[:, 6:8],
-        flap_angle=angles,
-        flap_rate=rates,
-    )
+        if n == steps:
+            break
+        acting = acceleration[n]
+        if lag:
+            # Mean over the step of the exponential from the lagged acceleration to the command.
+            acting = acting + (lagged - acting) * lag / dt * (1.0 - math.exp(-dt / lag))
+            lagged = acceleration[n] + (lagged - acceleration[n]) * math.exp(-dt / lag)
+        for flap, limits in enumerate(flaps):
+            angle[flap], rate[flap] = _flap_step(limits, dt, angle[flap], rate[flap], acting[flap])
+    return Run(_by_name(model, outputs, theta), angles, rates)
 
 
-def _flap_step(model: TurbineModel, angle: Array, rate: Array, acceleration: Array) -> tuple[Array, Array]:
-    """One step of the actuator, blade by blade, in the words of the working definition."""
-    new_angle, new_rate = np.empty(BLADES), np.empty(BLADES)
-    for blade in range(BLADES):
-        reached = rate[blade] + acceleration[blade] * model.time_step
-        reached = min(max(reached, -model.flap_rate_limit), model.flap_rate_limit)
-        moved = angle[blade] + 0.5 * model.time_step * (rate[blade] + reached)
-        # At the very stop round-off must not decide.
-        if abs(moved) > model.flap_angle_limit * (1.0 - TOUCH) and moved * reached > 0.0:
-            moved, reached = math.copysign(model.flap_angle_limit, moved), 0.0
-        moved = min(max(moved, -model.flap_angle_limit), model.flap_angle_limit)
-        new_angle[blade], new_rate[blade] = moved, reached
-    return new_angle, new_rate
+def _components(of_flaps: Array, azimuth: float) -> Array:
+    """Components 0, c, s of flap 1, then of flap 2 and so on, from a number of each flap of each blade."""
+    return to_components(of_flaps.reshape(BLADES, -1).T, azimuth).ravel()
+
+
+def _by_name(model: TurbineModel, outputs: Array, azimuth: Array) -> dict[str, Array]:
+    names = model.turbine.outputs
+    of_blades = {
+        name: to_blades(outputs[:, [names.index(f"{name}_{part}") for part in "0cs"]], azimuth)
+        for name in model.blade_outputs
+    }
+    return of_blades | {name: outputs[:, [names.index(name)]] for name in model.fixed_outputs}
+
+
+def _flap_step(
+    limits: ModelFlap, time_step: float, angle: float, rate: float, acceleration: float
+) -> tuple[float, float]:
+    """One step of a flap, in the words of the working definition."""
+    reached = rate + acceleration * time_step
+    reached = min(max(reached, -limits.rate_limit), limits.rate_limit)
+    moved = angle + 0.5 * time_step * (rate + reached)
+    # At the very stop round-off must not decide.
+    if abs(moved) > limits.angle_limit * (1.0 - TOUCH) and moved * reached > 0.0:
+        moved, reached = math.copysign(limits.angle_limit, moved), 0.0
+    return min(max(moved, -limits.angle_limit), limits.angle_limit), reached

@@ -24,7 +24,7 @@ from flapgym.control import (
 )
 from flapgym.control.margins import delay_margin, late_measurement
 from flapgym.evaluation import plan, simulate
-from flapgym.plant import Actuator, Faults, Setup, make_plant
+from flapgym.plant import Faults, Stepping, chosen_backend, make_plant
 from flapgym.reduction import balanced_reduction, normal_modes
 from flapgym.structure import (
     assemble,
@@ -185,18 +185,37 @@ def _calls():
             (lambda: solve_equilibrium(blade_beam(TURBINE, 12), load_steps=0), "equilibrium.load_steps"),
             (lambda: solve_equilibrium(blade_beam(TURBINE, 12), np.full(3, NAN)), "equilibrium.rotation"),
         ],
-        "Actuator": [
-            (lambda: Actuator(0.1, 1.0, 0.007, 1.5), "actuator.steps"),
-            (lambda: Actuator(0.1, 1.0, 0.007, 5, NAN), "actuator.lag"),
-            (lambda: Actuator("0.1", 1.0, 0.007, 5), "actuator.angle_limit"),
-        ],
         "Faults": [
             (lambda: Faults(lag="0.1"), "faults.lag"),
             (lambda: Faults((1.0, "1", 1.0)), "faults.effectiveness"),
+            (lambda: Faults(stuck=(NAN, None, None)), "faults.stuck"),
+            (lambda: Faults(stuck=0.1), "faults.stuck"),
         ],
+        "Stepping": [
+            (lambda: Stepping(0, 10, 147.0), "stepping.steps_per_action"),
+            (lambda: Stepping(2.5, 10, 147.0), "stepping.steps_per_action"),
+            (lambda: Stepping(5, -1, 147.0), "stepping.intervals"),
+            (lambda: Stepping(5, 10, NAN), "stepping.length_scale"),
+            (lambda: Stepping(5, 10, "147 m"), "stepping.length_scale"),
+            (lambda: Stepping(5, 10, 147.0, record=True), "stepping.record"),
+            (
+                lambda: Stepping(5, 10, 147.0, record=True, every_sample=True, displacements=False),
+                "stepping.record",
+            ),
+            (lambda: Stepping(5, 10, 147.0, single_blade=1), "stepping.single_blade"),
+            (lambda: Stepping(5, 10, 147.0, precision="float16"), "stepping.precision"),
+            (lambda: Stepping(5, 10, 147.0, pool=-1), "stepping.pool"),
+            (lambda: Stepping(5, 10, 147.0, faults={"lag": -1.0}), "stepping.faults.lag"),
+        ],
+        "chosen_backend": [(lambda: chosen_backend("jax"), "backend")],
         "make_plant": [
-            (lambda: make_plant(MODEL, 0, Setup(5, 10, 147.0), None), "make_plant.count"),
-            (lambda: make_plant(MODEL, 1, Setup(5, 10, 147.0, kernel="jax"), None), "kernel"),
+            (lambda: make_plant(MODEL, 0, Stepping(5, 10, 147.0)), "make_plant.count"),
+            (lambda: make_plant(MODEL, 1.5, Stepping(5, 10, 147.0)), "make_plant.count"),
+            (lambda: make_plant(MODEL, 1, Stepping(5, 10, 147.0), "jax"), "backend"),
+            (
+                lambda: make_plant(MODEL, 1, Stepping(5, 10, 147.0, faults=Faults((1.0, 1.0)))),
+                "faults.effectiveness",
+            ),
         ],
         "StateSpace": [
             (lambda: replace(CONTROLLER, A=[[0.5]]), "state_space.A"),

@@ -62,7 +62,10 @@ class Actuators:
             If a flap is stuck beyond its stop, or there is neither one entry a blade nor one a flap.
         """
         faults = Faults(self.effectiveness, self.stuck, self.lag)
-        _, stuck = faults.on(BLADES, len(model.flaps))
+        try:
+            _, stuck = faults.on(BLADES, len(model.flaps))
+        except ValueError as error:
+            raise ValueError(str(error).replace("faults", "actuators")) from None
         limits = np.tile([flap.angle_limit for flap in model.flaps], BLADES)
         beyond = np.flatnonzero(np.abs(stuck) > limits * (1.0 + 1e-9))
         if beyond.size:

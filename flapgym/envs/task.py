@@ -151,7 +151,8 @@ class Task:
         columns, noisy = list[int](), list[int]()
         factors, bounds = list[float](), list[float]()
         for name in self.observe:
-            if single and (name in TURBINE_ONLY or name in model.fixed_outputs):
+            of_model = name in (*model.blade_outputs, *model.fixed_outputs)
+            if single and (name in TURBINE_ONLY or (of_model and name not in quantities.last)):
                 raise ValueError(f"task.observe: a single blade has no {name}; leave it out")
             entry = observable(name, model)
             for source in entry.sources:

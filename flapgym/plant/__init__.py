@@ -14,7 +14,7 @@ from flapgym.core.fields import Choice, Count
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.actuator import Faults
 from flapgym.plant.linear import LinearPlant
-from flapgym.plant.parameters import Loads, Stepping
+from flapgym.plant.parameters import PRECISIONS, Loads, Stepping
 from flapgym.plant.periodic import PeriodicPlant
 from flapgym.plant.quantities import Quantities
 from flapgym.plant.start import GivenWind, Start
@@ -36,7 +36,6 @@ __all__ = [
 ]
 
 BACKENDS = ("auto", "numba", "numpy")
-PRECISIONS = ("float64", "float32")
 
 
 class Plant(Protocol):
@@ -89,18 +88,17 @@ class Plant(Protocol):
         ...
 
 
-def chosen_backend(backend: str, precision: str = "float64") -> str:
+def chosen_backend(backend: str) -> str:
     """The backend that "auto" means here; any other is what it says.
 
     Raises
     ------
     ValueError
-        If backend or precision is unknown.
+        If it is unknown.
     ImportError
         If numba is asked for and cannot be imported.
     """
     Choice(BACKENDS).check(backend, "backend")
-    Choice(PRECISIONS).check(precision, "precision")
     if backend == "numpy":
         return backend
     try:
@@ -120,11 +118,11 @@ def make_plant(model: TurbineModel, count: int, stepping: Stepping, backend: str
     Raises
     ------
     ValueError
-        If the backend or the precision is unknown.
+        If the backend is unknown, or the count is none.
     ImportError
         If numba is asked for and cannot be imported.
     """
-    chosen = chosen_backend(backend, stepping.precision)
+    chosen = chosen_backend(backend)
     Count(at_least=1).check(count, "make_plant.count")
     if model.periodic is not None and not stepping.single_blade:
         return PeriodicPlant(model, count, stepping)

@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array
+from flapgym.core.fields import OrNone, Quantity, TupleOf, check_fields
 
 TOUCH = 1e-12
 """Of the angle stop: a flap that is nearer to it, and goes on toward it, is at it. Commands at their bounds bring flaps
@@ -34,9 +35,12 @@ class Faults:
         Time constant [s] of a first-order lag between the commanded acceleration and the one that acts; 0 for none.
     """
 
-    effectiveness: tuple[float, ...] = (1.0,) * BLADES
-    stuck: tuple[float | None, ...] = (None,) * BLADES
-    lag: float = 0.0
+    effectiveness: Annotated[tuple[float, ...], TupleOf(Quantity("number"))] = (1.0,) * BLADES
+    stuck: Annotated[tuple[float | None, ...], TupleOf(OrNone(Quantity("angle")))] = (None,) * BLADES
+    lag: Annotated[float, Quantity("time", at_least=0.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "faults")
 
     def on(self, blades: int, flaps: int) -> tuple[Array, Array]:
         """Effectiveness, and angle where stuck (NaN for a flap that moves), each (blades flaps,).
@@ -47,8 +51,10 @@ class Faults:
             If there is neither one entry for each blade of the rotor nor one for each flap.
         """
         return (
-            _for_each("flap_effectiveness", self.effectiveness, blades, flaps),
-            _for_each("stuck_flaps", [math.nan if one is None else one for one in self.stuck], blades, flaps),
+            _for_each("faults.effectiveness", self.effectiveness, blades, flaps),
+            _for_each(
+                "faults.stuck", [math.nan if one is None else one for one in self.stuck], blades, flaps
+            ),
         )
 
 
@@ -112,18 +118,17 @@ def lag_constants(time_step: float, lag: float) -> tuple[float, float]:
     """
     if lag == 0.0:
         return 0.0, 0.0
-    decay = math.exp(-time_step / lag)
-    return decay, (1.0 - decay) * lag / time_step
+    # Of a lag that is long against the step the difference to one is rounded away.
+    return math.exp(-time_step / lag), -math.expm1(-time_step / lag) * lag / time_step
 
 
 @lru_cache(maxsize=64)
-def free_motion(steps: int, time_step: float, lag: float) -> Array:
+def free_motion(steps: int, time_step: float, decay: float, gain: float) -> Array:
     """Motion without stops, (2 (k + 1), kinds): angle and rate of samples 0..k.
 
     From angle, rate and command at the start, and where there is a lag from the lagged acceleration behind them: the
-    command is held for all k steps.
+    command is held for all k steps. The lag is given by its `lag_constants`.
     """
-    decay, gain = lag_constants(time_step, lag)
     angle, rate, command, lagged = np.eye(4)
     rows = [angle, rate]
     for _ in range(steps):
@@ -131,7 +136,7 @@ def free_motion(steps: int, time_step: float, lag: float) -> Array:
         angle, rate = angle + 0.5 * time_step * (rate + reached), reached
         lagged = command + decay * (lagged - command)
         rows += [angle, rate]
-    motion = np.array(rows)[:, : 4 if lag > 0.0 else 3]
+    motion = np.array(rows)[:, : 4 if gain else 3]
     motion.setflags(write=False)  # whoever asks again gets this one
     return motion
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, FloatArray, IntArray
+from flapgym.core.fields import Choice, Count, Flag, Quantity, check_fields
 from flapgym.core.state_space import StateSpace
+from flapgym.model.signals import COMPONENTS
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.actuator import Faults, deviations, free_motion, lag_constants
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
@@ -23,6 +25,8 @@ from flapgym.plant.frame import OutputRows, input_frame
 from flapgym.plant.lifted import lift
 from flapgym.plant.modal import Modal, modal_form
 from flapgym.plant.quantities import Quantities
+
+PRECISIONS = ("float64", "float32")
 
 
 class Parameters(NamedTuple):
@@ -168,7 +172,7 @@ class Stepping:
     every_sample : bool
         Compute everything at every plant sample, not only at the last one of an interval.
     record : bool
-        Tell every plant sample; takes `every_sample`.
+        Tell every plant sample; takes `every_sample` and `displacements`.
     displacements : bool
         Compute more than root moments and wind at all; without it the rest is NaN, which saves a tenth of the time of
         a single turbine's step.
@@ -182,16 +186,23 @@ class Stepping:
         Number of realisations of the turbulence shared by all plants of the process; 0 draws each anew.
     """
 
-    steps_per_action: int
-    intervals: int
-    length_scale: float
-    every_sample: bool = False
-    record: bool = False
-    displacements: bool = True
+    steps_per_action: Annotated[int, Count(at_least=1)]
+    intervals: Annotated[int, Count(at_least=1)]
+    length_scale: Annotated[float, Quantity("length", above=0.0)]
+    every_sample: Annotated[bool, Flag()] = False
+    record: Annotated[bool, Flag()] = False
+    displacements: Annotated[bool, Flag()] = True
     faults: Faults = field(default_factory=Faults)
-    single_blade: bool = False
-    precision: str = "float64"
-    pool: int = 0
+    single_blade: Annotated[bool, Flag()] = False
+    precision: Annotated[str, Choice(PRECISIONS)] = "float64"
+    pool: Annotated[int, Count(at_least=0)] = 0
+
+    def __post_init__(self) -> None:
+        check_fields(self, "stepping")
+        if self.record and not (self.every_sample and self.displacements):
+            raise ValueError(
+                "stepping.record: expected every_sample and displacements with it, got one without"
+            )
 
     @property
     def blades(self) -> int:
@@ -200,8 +211,9 @@ class Stepping:
 
     def quantities(self, model: TurbineModel) -> Quantities:
         """What a plant of the model tells."""
-        fixed = () if self.single_blade else model.fixed_outputs
-        return Quantities(self.blades, len(model.flaps), model.blade_outputs, fixed)
+        if self.single_blade:
+            return Quantities(self.blades, len(model.flaps), model.blade.outputs, ())
+        return Quantities(self.blades, len(model.flaps), model.blade_outputs, model.fixed_outputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,14 +252,14 @@ class Kernel:
 
 def prepare(model: TurbineModel, stepping: Stepping) -> Kernel:
     """The systems of a model; what was prepared for the same numbers before is used again."""
+    steps, quantities = stepping.steps_per_action, stepping.quantities(model)
     if stepping.single_blade:
         model = replace(model, turbine=blade_as_turbine(model))
-    steps = stepping.steps_per_action
     rows = OutputRows(
         steps,
         steps if stepping.every_sample else 1,
-        len(model.blade_outputs) if stepping.displacements else 1,
-        len(model.fixed_outputs) if stepping.displacements and not stepping.single_blade else 0,
+        len(quantities.blade_outputs) if stepping.displacements else 1,
+        len(quantities.fixed_outputs) if stepping.displacements else 0,
     )
     return _kernel(_ByContent(model), rows, stepping.length_scale)
 
@@ -255,19 +267,19 @@ def prepare(model: TurbineModel, stepping: Stepping) -> Kernel:
 def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Parameters:
     """The constants of a step."""
     k, blades, flaps = stepping.steps_per_action, stepping.blades, len(model.flaps)
-    turn, lag, dt = kernel.turn, stepping.faults.lag, model.time_step
+    turn, dt, quantities = kernel.turn, model.time_step, stepping.quantities(model)
+    decay, gain = lag_constants(dt, stepping.faults.lag)
     lifted = lift(
         kernel.flap, k, kernel.rows.matrix(turn)[: kernel.rows.structural], input_frame(k, turn, flaps)
     )
     # Motion of every flap in every component alike; the last sample's acts on the outputs alone.
     each = np.eye(BLADES * flaps)
-    free = np.kron(free_motion(k, dt, lag), each)
+    free = np.kron(free_motion(k, dt, decay, gain), each)
     stops = np.kron(deviations(k, dt), each)
     drive = _parts_apart(lifted.drive).T
     effectiveness, stuck = stepping.faults.on(blades, flaps)
     limits = [[getattr(flap, name) for flap in model.flaps] * blades for name in _LIMITS]
     angle_limit, rate_limit, acceleration = (np.array(limit) for limit in limits)
-    decay, gain = lag_constants(dt, lag)
     precise = np.dtype(stepping.precision)
     before_last = slice(0, drive.shape[1])
 
@@ -282,8 +294,8 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
         flaps=flaps,
         blade_outputs=kernel.rows.blade_outputs,
         fixed_outputs=kernel.rows.fixed_outputs,
-        blade_places=len(model.blade_outputs),
-        fixed_places=0 if stepping.single_blade else len(model.fixed_outputs),
+        blade_places=len(quantities.blade_outputs),
+        fixed_places=len(quantities.fixed_outputs),
         record=stepping.record,
         time_step=dt,
         turn=turn,
@@ -310,21 +322,21 @@ def _parts_apart(alternating: Array) -> Array:
     return np.concatenate([alternating[:, 0::2], alternating[:, 1::2]], axis=1)
 
 
-def _wanted(modal: Modal, rows: OutputRows, fixed: int) -> Modal:
-    """A response with those outputs alone that have rows, and the wind behind them.
+def _wanted(modal: Modal, rows: OutputRows, model: TurbineModel) -> Modal:
+    """A response with those outputs alone that have rows: the blades', the fixed ones, and the wind behind them.
 
     Parameters
     ----------
     modal : Modal
-        To a model's outputs, and the wind last if it is one of them.
+        To the model's outputs, and the wind last if it is one of them.
     rows : OutputRows
-    fixed : int
-        Fixed outputs of the model; they stand behind those of the blades.
+    model : TurbineModel
     """
-    count, blade_outputs = len(modal.outputs), BLADES * rows.blade_outputs
     with_wind = modal.outputs[-1] == "wind"
-    first_fixed = count - with_wind - fixed
-    kept = [*range(blade_outputs), *range(first_fixed, first_fixed + rows.fixed_outputs)]
+    # By name: a model's further outputs of the blades stand behind the tower's.
+    names = [f"{name}_{part}" for name in model.blade_outputs[: rows.blade_outputs] for part in COMPONENTS]
+    names += model.fixed_outputs[: rows.fixed_outputs]
+    kept = [modal.outputs.index(name) for name in names]
     read, direct = modal.read[kept], modal.D[kept]
     # The flaps do nothing to the wind.
     wind_read = modal.read[-1:] if with_wind else np.zeros((1, modal.order), dtype=complex)
@@ -357,7 +369,8 @@ class _ByContent:
         self.model = model
         system = model.turbine
         numbers = (model.wind_speed, model.rotor_speed, model.time_step, model.turbulence_intensity)
-        self._key = fingerprint((system.A, system.B, system.C, system.D), numbers)
+        matrices = fingerprint((system.A, system.B, system.C, system.D), numbers)
+        self._key = (matrices, system.inputs, system.outputs)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _ByContent) and self._key == other._key
@@ -385,12 +398,12 @@ def _disturbance_modes(content: _ByContent, length_scale: float) -> tuple[Modal,
 @lru_cache(maxsize=16)
 def _kernel(content: _ByContent, rows: OutputRows, length_scale: float) -> Kernel:
     noise_modes, root = _disturbance_modes(content, length_scale)
-    turn = content.model.rotor_speed * content.model.time_step
-    fixed = len(content.model.fixed_outputs)
+    model = content.model
+    turn = model.rotor_speed * model.time_step
     return Kernel(
-        flap=_wanted(_flap_modes(content), rows, fixed),
-        wind=_wanted(_wind_modes(content), rows, fixed),
-        disturbance=Disturbance.of(_wanted(noise_modes, rows, fixed), root, rows, turn),
+        flap=_wanted(_flap_modes(content), rows, model),
+        wind=_wanted(_wind_modes(content), rows, model),
+        disturbance=Disturbance.of(_wanted(noise_modes, rows, model), root, rows, turn),
         rows=rows,
         turn=turn,
     )

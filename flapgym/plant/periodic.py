@@ -18,6 +18,7 @@ from flapgym.core.arrays import Array, BoolArray, FloatArray, IntArray
 from flapgym.core.state_space import StateSpace
 from flapgym.model.harmonics import PeriodicPart
 from flapgym.model.multiblade import to_blades, to_components
+from flapgym.model.signals import COMPONENTS
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.backends.numpy import flaps_after, move
 from flapgym.plant.disturbance import disturbance_modes
@@ -89,13 +90,13 @@ class _Wanted:
 def _prepared(wanted: _Wanted) -> Constants:
     model = wanted.model
     assert model.periodic is not None
-    turbine, part = model.turbine, model.periodic
+    turbine, part = _of_flaps_and_wind(model), model.periodic
     mean = np.block([[turbine.A, turbine.B], [turbine.C, turbine.D]])
     size = np.abs(part.core).max(axis=(1, 2))
     core = part.core[: 1 + int(np.flatnonzero(size >= _SMALLEST * size.max()).max())]
     modal, root = disturbance_modes(model, wanted.length_scale)
     return Constants(
-        matrix=np.ascontiguousarray(np.vstack([mean, part.right]).T),
+        matrix=np.ascontiguousarray(np.vstack([mean, part.right[:, : mean.shape[1]]]).T),
         core=np.ascontiguousarray(np.concatenate([core.real, -core.imag]).reshape(-1, core.shape[2]).T),
         left=np.ascontiguousarray(part.left.T),
         forcing=np.vstack([part.forcing.real, -part.forcing.imag]),
@@ -110,6 +111,12 @@ def _prepared(wanted: _Wanted) -> Constants:
             dtype=float,
         ),
     )
+
+
+def _of_flaps_and_wind(model: TurbineModel) -> StateSpace:
+    """The mean turbine without the winds by strip, which stand behind the others."""
+    inputs = model.turbine.inputs
+    return model.turbine.select(inputs=inputs[: inputs.index("wind") + 1])
 
 
 class PeriodicPlant:
@@ -138,6 +145,11 @@ class PeriodicPlant:
         # Of these the actuators' are used; the modes are those of the mean turbine.
         self._parameters = parameters_of(model, stepping, prepare(model, stepping))
         self._order = model.turbine.order
+        names = model.turbine.outputs
+        self._of_blades = [
+            names.index(f"{name}_{part}") for name in self.quantities.blade_outputs for part in COMPONENTS
+        ]
+        self._fixed = [names.index(name) for name in self.quantities.fixed_outputs]
         self._constants = _prepared(_Wanted(self.fingerprint, stepping.length_scale, model))
         _, stuck = stepping.faults.on(stepping.blades, len(model.flaps))
         self._held, self._stuck = ~np.isnan(stuck), np.where(np.isnan(stuck), 0.0, stuck)
@@ -213,7 +225,7 @@ class PeriodicPlant:
         m, k, _ = outputs.shape
         p, quantities = self._parameters, self.quantities
         count = len(quantities.blade_outputs)
-        blades = outputs[:, :, : 3 * count].reshape(m, k, count, 3).transpose(0, 2, 1, 3)
+        blades = outputs[:, :, self._of_blades].reshape(m, k, count, 3).transpose(0, 2, 1, 3)
         blades = to_blades(blades, azimuth[:, None])
         kept = slice(0 if self.stepping.every_sample else k - 1, k)
         told = p._replace(record=record, blade_outputs=count, fixed_outputs=len(quantities.fixed_outputs))
@@ -221,7 +233,7 @@ class PeriodicPlant:
             told,
             rbm=blades[:, 0],
             others=blades[:, 1:, kept],
-            fixed=outputs[:, kept, 3 * count :].transpose(0, 2, 1),
+            fixed=outputs[:, kept][:, :, self._fixed].transpose(0, 2, 1),
             wind=wind[:, kept],
             motion=motion,
             travel=travel,

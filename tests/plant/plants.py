@@ -1,84 +1,115 @@
-"""Both kernels' plants under one name, and starts for them."""
+"""Plants of every backend under one name, starts for them, and flights under given actions."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cache
+
 import numpy as np
 
-from flapgym.plant import Setup, Start, Task, layout, make_plant
+from flapgym.core.arrays import Array
+from flapgym.plant import Loads, Quantities, Start, Stepping, make_plant
 from tests.synthetic import synthetic_model
 
 LENGTH_SCALE = 147.0
-KERNELS = ("numpy", "numba")
+BACKENDS = ("numpy", "numba")
 
 
-def plain_task(model, observed=3):
-    """The moments in MN m, and their mean square as the reward's loss."""
-    return Task(
-        columns=np.arange(observed),
-        factors=np.full(observed, 1e-6),
-        bounds=np.full(observed, 50.0),
-        noisy=np.arange(observed),
-        rbm_weight=1.0 / model.rbm_rms**2,
-        angle_weight=3.0,
-        tower_weight=0.5,
-    )
+@cache
+def model_of(flaps: int = 1, further: bool = False, tower_coupling: float = 1.0, strips: int = 0):
+    """The synthetic model, made once."""
+    return synthetic_model(tower_coupling, flaps, further, strips)
 
 
-def plant_of(count, steps, intervals, model=None, every_sample=True, **setup):
-    model = synthetic_model() if model is None else model
+def plant_of(count, steps, intervals, model=None, backend="auto", record=True, **stepping):
+    """With every sample unless told otherwise."""
+    model = model_of() if model is None else model
+    stepping = {"every_sample": record, **stepping}
     return make_plant(
-        model, count, Setup(steps, intervals, LENGTH_SCALE, every_sample, **setup), plain_task(model)
+        model, count, Stepping(steps, intervals, LENGTH_SCALE, record=record, **stepping), backend
     )
+
+
+def flaps_of(plant):
+    """Stops of every flap: angle, rate (blades F,) [rad, rad/s]."""
+    limits = [(flap.angle_limit, flap.rate_limit) for flap in plant.model.flaps]
+    return np.array(limits * plant.stepping.blades).T
 
 
 def start_of(plant, seed=0, **given):
-    """Everything random but the intensity of the first turbine."""
+    """Everything random; the last turbine of several in still air."""
     rng = np.random.default_rng(seed)
-    n = plant.count
+    n, (angle, rate) = plant.count, flaps_of(plant)
     start = {
         "noise": rng.standard_normal((n, plant.noise_count)),
         "intensity": np.linspace(0.10, 0.0, n) if n > 1 else np.array([0.10]),
         "azimuth": rng.uniform(0, 2 * np.pi, n),
-        "flap_angle": rng.uniform(-0.1, 0.1, (n, 3)),
-        "flap_rate": rng.uniform(-0.5, 0.5, (n, 3)),
+        "flap_angle": rng.uniform(-0.6, 0.6, (n, angle.size)) * angle,
+        "flap_rate": rng.uniform(-0.3, 0.3, (n, rate.size)) * rate,
     }
     return Start(**(start | given))
 
 
-def rest(count, **given):
+def rest(plant, **given):
     """Still air, flaps at rest."""
+    n, (angle, _) = plant.count, flaps_of(plant)
     start = {
-        "azimuth": np.zeros(count),
-        "flap_angle": np.zeros((count, 3)),
-        "flap_rate": np.zeros((count, 3)),
-        "intensity": np.zeros(count),
+        "azimuth": np.zeros(n),
+        "flap_angle": np.zeros((n, angle.size)),
+        "flap_rate": np.zeros((n, angle.size)),
+        "intensity": np.zeros(n),
     }
     return Start(**(start | given))
+
+
+def chosen(start, turbines):
+    """The start of some of the turbines."""
+    given = {name: value if value is None else value[turbines] for name, value in vars(start).items()}
+    return Start(**given)
+
+
+def actions_of(plant, intervals, seed=1, size=1.0):
+    """(T, n, blades F), uniform up to a size."""
+    shape = (intervals, plant.count, flaps_of(plant).shape[1])
+    return np.random.default_rng(seed).uniform(-size, size, shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """What n turbines did under T actions, one after another along the first axis."""
+
+    quantities: Quantities
+    loads: Loads
+
+    def last(self, name: str) -> Array:
+        """(T, n, size) of a quantity at the last sample of each action."""
+        return self.loads.last[:, :, self.quantities.last[name]]
+
+    def samples(self, name: str) -> Array:
+        """(T k, n, size) of a quantity at every sample."""
+        return self.loads.samples[:, :, self.quantities.sample[name]]
 
 
 def fly(plant, actions):
-    """Rows (T, n, ROW), samples (T k, n, SAMPLE) and last observation under actions (T, n, blades)."""
-    n, k = plant.count, plant.setup.steps_per_action
-    rows, samples = [], []
-    observation = np.empty((n, plant.task.size), np.float32)
-    for action in actions:
-        rows.append(np.empty((n, layout.ROW)))
-        room = np.empty((n, k, layout.SAMPLE)) if plant.setup.every_sample else None
-        samples.append(np.empty((n, 0, layout.SAMPLE)) if room is None else room)
-        status = plant.step(action.reshape(-1), observation.reshape(-1), rows[-1].reshape(-1), room)
-        assert status >= 0
-    joined = np.concatenate([part.transpose(1, 0, 2) for part in samples])
-    return np.stack(rows), joined, observation
+    """Step under actions (T, n, blades F)."""
+    told = [plant.step(action) for action in actions]
+    parts = {name: np.stack([getattr(each, name) for each in told]) for name in Loads._fields}
+    n, k, width = parts["samples"].shape[1:]
+    parts["samples"] = parts["samples"].transpose(0, 2, 1, 3).reshape(len(told) * k, n, width)
+    return Flight(plant.quantities, Loads(**parts))
 
 
-def series(samples, name):
-    """(T, n, 3 or 2) of a quantity from joined samples."""
-    column, width = {
-        "rbm": (layout.SAMPLE_RBM, 3),
-        "tip_deflection": (layout.SAMPLE_TIP, 3),
-        "tower": (layout.SAMPLE_TOWER, 2),
-        "wind": (layout.SAMPLE_WIND, 1),
-        "flap_angle": (layout.SAMPLE_ANGLE, 3),
-        "flap_rate": (layout.SAMPLE_RATE, 3),
-    }[name]
-    return samples[:, :, column : column + width]
+def flown(plant, start, actions):
+    """Reset all turbines and fly."""
+    plant.reset(np.arange(plant.count), start)
+    return fly(plant, actions)
+
+
+def assert_near(got, expected, relative, what=""):
+    """Within a share of the largest value expected; the same entries NaN."""
+    missing = np.isnan(expected)
+    np.testing.assert_array_equal(np.isnan(got), missing)
+    got, expected = got[~missing], expected[~missing]
+    largest = np.abs(expected).max(initial=0.0)
+    error = np.abs(got - expected).max(initial=0.0)
+    assert error <= relative * largest, f"{what}: {error / max(largest, 1e-300):.1e} relative"

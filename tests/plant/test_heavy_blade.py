@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from flapgym.model import load_model
-from flapgym.plant import Setup, make_plant
-from flapgym.plant.layout import RBM, TOWER
 from flapgym.turbine import load_case
-from tests.plant.plants import plain_task, rest
+from tests.plant.plants import flown, plant_of, rest
 
 BALANCED = {"nrel5mw-heavy-blade": "nrel5mw-rated", "nrel5mw-corrected-heavy-blade": "nrel5mw-corrected"}
 
@@ -34,14 +32,14 @@ def test_its_mean_is_nearly_the_balanced_turbine(heavy):
 
 
 def test_in_still_air_the_imbalance_shakes_the_tower_sideways_once_a_revolution(heavy):
-    steps = 10
-    plant = make_plant(heavy, 16, Setup(steps, 2, heavy.length_scale), plain_task(heavy))
+    plant = plant_of(16, 10, 2, heavy, record=False)
     azimuth = 2.0 * np.pi / 16 * np.arange(16)
-    _, rows = plant.reset(np.arange(16), rest(16, azimuth=azimuth))
-    once, twice = (2.0 / 16 * np.abs(np.exp(-1j * n * azimuth) @ rows[:, TOWER + 1]) for n in (1, 2))
+    last = plant.reset(np.arange(16), rest(plant, azimuth=azimuth)).last
+    sideways = last[:, plant.quantities.last["tower_side_side"].start]
+    once, twice = (2.0 / 16 * np.abs(np.exp(-1j * n * azimuth) @ sideways) for n in (1, 2))
     assert 0.02 < once < 0.04  # m
     assert twice < 0.02 * once
-    assert np.abs(rows[:, RBM : RBM + 3]).max() < 0.02 * heavy.rbm_rms
+    assert np.abs(last[:, plant.quantities.last["rbm"]]).max() < 0.02 * heavy.rbm_rms
 
 
 def test_no_reset_waits_for_an_import():
@@ -61,13 +59,12 @@ print(set(sys.modules) - known)
 def test_the_steady_motion_goes_on(heavy):
     steps = 10
     turn = heavy.rotor_speed * heavy.time_step * steps
-    plant = make_plant(heavy, 2, Setup(steps, 60, heavy.length_scale), plain_task(heavy))
+    plant = plant_of(2, steps, 60, heavy, record=False)
     # The second turbine starts where the first will be after 50 actions.
-    _, rows = plant.reset(np.arange(2), rest(2, azimuth=np.array([0.3, 0.3 + 50 * turn])))
-    later, observation = np.empty(rows.shape), np.empty(2 * plain_task(heavy).size, dtype=np.float32)
-    for _ in range(50):
-        plant.step(np.zeros(6, dtype=np.float32), observation, later.reshape(-1))
-    for column in (slice(RBM, RBM + 3), slice(TOWER, TOWER + 2)):
-        np.testing.assert_allclose(
-            later[0, column], rows[1, column], atol=1e-6 * np.abs(rows[:, column]).max()
-        )
+    start = rest(plant, azimuth=np.array([0.3, 0.3 + 50 * turn]))
+    first = plant.reset(np.arange(2), start).last
+    later = flown(plant, start, np.zeros((50, 2, 3))).loads.last[-1]
+    for names in (("rbm",), ("tower_fore_aft", "tower_side_side")):
+        place = np.r_[*(plant.quantities.last[name] for name in names)]
+        size = np.abs(first[:, place]).max()
+        np.testing.assert_allclose(later[0, place], first[1, place], atol=1e-6 * size)

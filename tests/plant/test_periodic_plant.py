@@ -10,180 +10,154 @@ import pytest
 
 from flapgym.model.harmonics import PeriodicPart, simulate_periodic
 from flapgym.model.multiblade import to_blades, to_components
-from flapgym.plant.actuator import Faults
-from flapgym.plant.interface import GivenWind, Setup, Start, Task
-from flapgym.plant.layout import (
-    RBM,
-    ROW,
-    SAMPLE,
-    SAMPLE_ANGLE,
-    SAMPLE_RATE,
-    SAMPLE_RBM,
-    SAMPLE_TIP,
-    SAMPLE_WIND,
+from flapgym.plant import Faults, GivenWind, PeriodicPlant, Stepping, make_plant
+from tests.plant.plants import (
+    LENGTH_SCALE,
+    actions_of,
+    assert_near,
+    chosen,
+    flown,
+    fly,
+    model_of,
+    plant_of,
+    rest,
+    start_of,
 )
-from flapgym.plant.lifted_plant import LiftedPlant
-from flapgym.plant.periodic_plant import PeriodicPlant
-from tests.synthetic import synthetic_model
-
-TASK = Task(
-    columns=np.arange(RBM, RBM + 3),
-    factors=np.full(3, 1e-6),
-    bounds=np.full(3, 50.0),
-    noisy=np.array([-1, -1, -1]),
-    rbm_weight=1e-12,
-)
-SETUP = Setup(steps_per_action=5, intervals=120, length_scale=147.0, every_sample=True)
 
 
-def _uneven(size):
+def _uneven(size, flaps=1, further=False, strips=0):
     """The synthetic turbine with a periodic part of rank 3 and two harmonics, and a turning load."""
-    model = synthetic_model()
-    n, rng = model.turbine.order, np.random.default_rng(3)
-    scale = np.concatenate([np.abs(model.turbine.A).max(axis=1), np.abs(model.turbine.C).max(axis=1)])
-    forcing = np.zeros((3, n + 8), dtype=complex)
+    model = model_of(flaps, further, strips=strips)
+    turbine = model.turbine
+    n, outputs, inputs = turbine.order, len(turbine.outputs), len(turbine.inputs)
+    rng = np.random.default_rng(3)
+    scale = np.concatenate([np.abs(turbine.A).max(axis=1), np.abs(turbine.C).max(axis=1)])
+    forcing = np.zeros((3, n + outputs), dtype=complex)
     forcing[1, n - 4 : n] = 1e-3 + 2e-3j
     forcing[1, n] = 1e4
     part = PeriodicPart(
-        left=scale[:, None] * rng.standard_normal((n + 8, 3)),
+        left=scale[:, None] * rng.standard_normal((n + outputs, 3)),
         core=size * (rng.standard_normal((2, 3, 3)) + 1j * rng.standard_normal((2, 3, 3))),
-        right=rng.standard_normal((3, n + 7)) / np.concatenate([np.full(n, 10.0), np.full(7, 10.0)]),
+        right=rng.standard_normal((3, n + inputs)) / 10.0,
         forcing=forcing if size else 0.0 * forcing,
     )
     return replace(model, periodic=part)
 
 
-def _start(plant, count, seed=0, **changes):
-    rng = np.random.default_rng(seed)
-    usual = {
-        "azimuth": rng.uniform(0, 6, count),
-        "flap_angle": rng.uniform(-0.1, 0.1, (count, 3)),
-        "flap_rate": rng.uniform(-0.5, 0.5, (count, 3)),
-        "intensity": np.linspace(0.05, 0.15, count),
-        "noise": rng.standard_normal((count, plant.noise_count)),
-    }
-    return Start(**(usual | changes))
+@pytest.mark.parametrize("flaps, further, strips", [(1, False, 0), (2, True, 0), (3, True, 2)])
+@pytest.mark.parametrize("faults", [Faults(), Faults((1.0, 0.5, 0.0), lag=0.05), Faults((1.0, 2.0, 0.5))])
+def test_without_a_periodic_part_it_is_the_constant_plant(flaps, further, strips, faults):
+    equal = _uneven(0.0, flaps, further, strips)
+    periodic = plant_of(3, 5, 120, equal, faults=faults)
+    constant = plant_of(3, 5, 120, replace(equal, periodic=None), faults=faults)
+    assert isinstance(periodic, PeriodicPlant)
+    assert not isinstance(constant, PeriodicPlant)
+    assert periodic.noise_count == constant.noise_count
+    start, actions = start_of(periodic), actions_of(periodic, 100)
+    first = [plant.reset(np.arange(3), start).last for plant in (periodic, constant)]
+    np.testing.assert_allclose(first[0], first[1], rtol=1e-9, atol=1e-9)
+    got, expected = fly(periodic, actions), fly(constant, actions)
+    for name in constant.quantities.sample:
+        assert_near(got.samples(name), expected.samples(name), 1e-9, name)
+    for name in constant.quantities.last:
+        assert_near(got.last(name), expected.last(name), 1e-9, name)
+    for name in ("rbm_square", "angle_square", "fixed_square"):
+        assert_near(getattr(got.loads, name), getattr(expected.loads, name), 1e-9, name)
 
 
-def _run(plant, start, intervals=100, seed=1):
-    """Samples (n, intervals k, SAMPLE), and rows of the first sample."""
-    _, first = plant.reset(np.arange(plant.count), start)
-    rng, taken = np.random.default_rng(seed), []
-    observation, rows = np.zeros((plant.count, 3), dtype=np.float32), np.zeros((plant.count, ROW))
-    for _ in range(intervals):
-        samples = np.zeros((plant.count, 5, SAMPLE))
-        actions = rng.uniform(-1, 1, 3 * plant.count)
-        assert plant.step(actions, observation.reshape(-1), rows.reshape(-1), samples) in (0, 2)
-        taken.append(samples)
-    return np.concatenate(taken, axis=1), first
-
-
-def test_without_a_periodic_part_it_is_the_constant_plant():
-    equal = _uneven(0.0)
-    for setup in (SETUP, replace(SETUP, faults=Faults(effectiveness=(1.0, 0.5, 0.0), lag=0.05))):
-        periodic = PeriodicPlant(equal, 3, setup, TASK)
-        constant = LiftedPlant(replace(equal, periodic=None), 3, setup, TASK)
-        assert periodic.noise_count == constant.noise_count
-        start = _start(periodic, 3)
-        (got, got_first), (expected, expected_first) = _run(periodic, start), _run(constant, start)
-        np.testing.assert_allclose(got_first, expected_first, rtol=1e-9, atol=1e-9)
-        size = np.abs(expected).max(axis=(0, 1))
-        assert (np.abs(got - expected).max(axis=(0, 1)) <= 1e-9 * size).all()
-
-
-def test_it_steps_what_the_models_own_simulation_gives():
-    model = _uneven(1e-4)
-    plant = PeriodicPlant(model, 2, SETUP, TASK)
+@pytest.mark.parametrize("flaps, further, strips", [(1, False, 0), (2, True, 2)])
+def test_it_steps_what_the_models_own_simulation_gives(flaps, further, strips):
+    model = _uneven(1e-4, flaps, further, strips)
+    plant = plant_of(2, 5, 120, model)
     gust = GivenWind(np.sin(0.1 * np.arange(601)), 0.0)
-    start = _start(plant, 2, noise=None, intensity=np.zeros(2), gust=gust)
-    samples, first = _run(plant, start)
+    start = start_of(plant, noise=None, intensity=np.zeros(2), gust=gust)
+    first = plant.reset(np.arange(2), start).last
+    flight = fly(plant, actions_of(plant, 100))
+    names = model.turbine.outputs
     for turbine in range(2):
         azimuth = start.azimuth[turbine] + model.rotor_speed * model.time_step * np.arange(501)
-        angle = np.vstack([start.flap_angle[turbine], samples[turbine, :, SAMPLE_ANGLE : SAMPLE_ANGLE + 3]])
-        rate = np.vstack([start.flap_rate[turbine], samples[turbine, :, SAMPLE_RATE : SAMPLE_RATE + 3]])
-        inputs = np.hstack(
-            [to_components(angle, azimuth), to_components(rate, azimuth), gust.wind[:501, None]]
-        )
+        components = []
+        for name, at_start in (("flap_angle", start.flap_angle), ("flap_rate", start.flap_rate)):
+            motion = np.vstack([at_start[turbine], flight.samples(name)[:, turbine]])
+            components += [to_components(motion[:, flap::flaps], azimuth) for flap in range(flaps)]
+        inputs = np.hstack([*components, gust.wind[:501, None], np.zeros((501, 3 * strips))])
         steady = plant._constants.steady
         x0 = (np.exp(1j * azimuth[0] * np.arange(len(steady))) @ steady).real
         expected = simulate_periodic(model.turbine, model.periodic, inputs, azimuth, x0)
-        rbm = to_blades(expected[:, :3], azimuth)
-        np.testing.assert_allclose(
-            np.vstack([first[turbine, RBM : RBM + 3], samples[turbine, :, SAMPLE_RBM : SAMPLE_RBM + 3]]),
-            rbm,
-            atol=1e-10 * np.abs(rbm).max(),
-        )
-        tip = to_blades(expected[1:, 3:6], azimuth[1:])
-        np.testing.assert_allclose(
-            samples[turbine, :, SAMPLE_TIP : SAMPLE_TIP + 3], tip, atol=1e-10 * np.abs(tip).max()
-        )
-        np.testing.assert_array_equal(samples[turbine, :, SAMPLE_WIND], gust.wind[1:501])
+        for name in model.blade_outputs:
+            of_blades = to_blades(expected[:, [names.index(f"{name}_{part}") for part in "0cs"]], azimuth)
+            at_first = first[turbine, plant.quantities.last[name]]
+            got = np.vstack([at_first, flight.samples(name)[:, turbine]])
+            assert_near(got, of_blades, 1e-10, name)
+        for name in model.fixed_outputs:
+            fixed = expected[1:, [names.index(name)]]
+            assert_near(flight.samples(name)[:, turbine], fixed, 1e-10, name)
+        np.testing.assert_array_equal(flight.samples("wind")[:, turbine, 0], gust.wind[1:501])
 
 
 def test_an_unbalanced_rotor_in_still_air_repeats_itself_every_revolution():
     model = _uneven(1e-4)
-    turn = model.rotor_speed * model.time_step
     # A revolution of a whole number of steps, so that samples can be compared.
-    steps = round(2.0 * np.pi / turn)
+    steps = round(2.0 * np.pi / (model.rotor_speed * model.time_step))
     model = replace(model, rotor_speed=2.0 * np.pi / steps / model.time_step)
-    plant = PeriodicPlant(model, 1, replace(SETUP, intervals=2 * steps // 5 + 1), TASK)
-    start = _start(
-        plant, 1, noise=None, intensity=np.zeros(1), flap_angle=np.zeros((1, 3)), flap_rate=np.zeros((1, 3))
-    )
-    plant.reset(np.arange(1), start)
-    observation, rows, taken = np.zeros((1, 3), dtype=np.float32), np.zeros((1, ROW)), []
-    for _ in range(2 * steps // 5):
-        samples = np.zeros((1, 5, SAMPLE))
-        plant.step(np.zeros(3), observation.reshape(-1), rows.reshape(-1), samples)
-        taken.append(samples[0, :, SAMPLE_RBM : SAMPLE_RBM + 3])
-    rbm = np.concatenate(taken)
+    plant = plant_of(1, 5, 2 * steps // 5 + 1, model)
+    start = rest(plant, azimuth=np.array([1.1]))
+    rbm = flown(plant, start, np.zeros((2 * steps // 5, 1, 3))).samples("rbm")[:, 0]
     assert np.abs(rbm).max() > 1e4
     later = rbm[steps:]
     np.testing.assert_allclose(later, rbm[: len(later)], atol=1e-9 * np.abs(rbm).max())
 
 
 def test_its_state_survives_json():
-    model = _uneven(1e-4)
-    plant, twin = PeriodicPlant(model, 2, SETUP, TASK), PeriodicPlant(model, 2, SETUP, TASK)
-    start = _start(plant, 2)
-    for each in (plant, twin):
-        _run(each, start, intervals=1)
-    _run(plant, start, intervals=40)
+    plant, twin = (plant_of(2, 5, 120, _uneven(1e-4, 2)) for _ in range(2))
+    start = start_of(plant)
+    flown(twin, start, actions_of(twin, 1))
+    flown(plant, start, actions_of(plant, 40))
     twin.reset(np.arange(2), start)
     for turbine in range(2):
         twin.set_state(turbine, json.loads(json.dumps(plant.get_state(turbine))))
-    for each in (plant, twin):
-        each.last = np.zeros(2 * ROW)
-        each.step(np.full(6, 0.5), np.zeros(6, dtype=np.float32), each.last, np.zeros((2, 5, SAMPLE)))
-    np.testing.assert_array_equal(plant.last, twin.last)
+    for action in actions_of(plant, 5, 3):
+        for one, other in zip(plant.step(action), twin.step(action), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_a_step_changes_no_loads_handed_out_before():
+    plant = plant_of(2, 5, 20, _uneven(1e-4))
+    plant.reset(np.arange(2), start_of(plant))
+    actions = actions_of(plant, 3)
+    loads, elapsed = plant.step(actions[0]), plant.elapsed
+    copies = [part.copy() for part in loads]
+    fly(plant, actions[1:])
+    for part, copied in zip(loads, copies, strict=True):
+        np.testing.assert_array_equal(part, copied)
+    assert elapsed.tolist() == [1, 1]
 
 
 def test_blades_that_differ_too_much_are_refused():
     with pytest.raises(ValueError, match="blades differ too much"):
-        PeriodicPlant(_uneven(1e3), 1, SETUP, TASK)
+        plant_of(1, 5, 120, _uneven(1e3))
+    stepping = Stepping(5, 120, LENGTH_SCALE)
     with pytest.raises(ValueError, match="blades differ"):
-        PeriodicPlant(synthetic_model(), 1, SETUP, TASK)
+        PeriodicPlant(model_of(), 1, stepping)
+    single = make_plant(_uneven(1e-4), 1, replace(stepping, single_blade=True))
+    assert not isinstance(single, PeriodicPlant)
 
 
 def test_a_realisation_is_the_same_to_the_last_bit_whoever_is_reset_with_it():
-    together, alone = (PeriodicPlant(_uneven(1e-3), 5, SETUP, TASK) for _ in range(2))
-    start = _start(together, 5)
+    together, alone = (plant_of(5, 5, 120, _uneven(1e-3)) for _ in range(2))
+    start, actions = start_of(together), actions_of(together, 20)
     together.reset(np.arange(5), start)
     for turbine in range(5):
-        own = [turbine]
-        single = Start(
-            azimuth=start.azimuth[own],
-            flap_angle=start.flap_angle[own],
-            flap_rate=start.flap_rate[own],
-            intensity=start.intensity[own],
-            noise=start.noise[own],
-        )
-        alone.reset(np.array(own), single)
+        alone.reset(np.array([turbine]), chosen(start, [turbine]))
         alone.set_state(turbine, together.get_state(turbine))
-    given, rows = [], np.zeros(5 * ROW)
-    for plant in (together, alone):
-        observation = np.zeros(15, dtype=np.float32)
-        for _ in range(20):
-            plant.step(np.full(15, 0.3), observation, rows)
-        given.append(rows.copy())
-    np.testing.assert_array_equal(*given)
+    np.testing.assert_array_equal(fly(alone, actions).loads.last, fly(together, actions).loads.last)
+
+
+def test_its_pool_is_of_the_realisations_of_seeds():
+    model = _uneven(1e-3)
+    pool, alone = plant_of(2, 5, 20, model, pool=4), plant_of(2, 5, 20, model)
+    noise = np.stack([np.random.default_rng(seed).standard_normal(alone.noise_count) for seed in (3, 1)])
+    start = rest(pool, realisation=np.array([3, 1]), intensity=np.array([0.1, 0.05]))
+    actions = actions_of(pool, 20)
+    expected = flown(alone, replace(start, realisation=None, noise=noise), actions)
+    np.testing.assert_array_equal(flown(pool, start, actions).loads.last, expected.loads.last)

@@ -83,9 +83,9 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
         Flaps that met a stop.
     """
     p = parameters
-    lag = -p.time_step / np.log(p.lag_decay) if p.lag_decay else 0.0
-    start = np.stack([flaps[0], flaps[1], command, flaps[2]][: 4 if lag else 3])
-    motion = np.tensordot(free_motion(p.steps, p.time_step, lag), start, axes=1)
+    start = np.stack([flaps[0], flaps[1], command, flaps[2]][: 4 if p.lag_gain else 3])
+    free = free_motion(p.steps, p.time_step, p.lag_decay, p.lag_gain)
+    motion = np.tensordot(free, start, axes=1)
     motion = motion.reshape(p.steps + 1, 2, *command.shape)
     limits = np.stack([p.angle_limit, p.rate_limit])[:, :, None]
     stopped: BoolArray = np.any(np.abs(motion) > limits * (1.0 - TOUCH), axis=(0, 1))
@@ -116,6 +116,8 @@ def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tupl
     after = p.push @ given
     after[:count] += real * along - imaginary * across
     after[count:] += real * across + imaginary * along
+    # What flaps at rest leave would decay to denormal numbers, which make a product ten times as long.
+    after[np.abs(after) < np.finfo(after.dtype).tiny] = 0.0
     return after, p.read @ modes + p.feed @ given
 
 

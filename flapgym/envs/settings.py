@@ -61,8 +61,16 @@ class Actuators:
         ValueError
             If a flap is stuck beyond its stop, or there is neither one entry a blade nor one a flap.
         """
+        flaps = len(model.flaps)
+        for name in ("stuck", "effectiveness"):
+            given = len(getattr(self, name))
+            if given not in (BLADES, BLADES * flaps):
+                also = f", or {BLADES * flaps}, one a flap" if flaps > 1 else ""
+                raise ValueError(
+                    f"actuators.{name}: expected {BLADES} entries, one a blade{also}, got {given}"
+                )
         faults = Faults(self.effectiveness, self.stuck, self.lag)
-        _, stuck = faults.on(BLADES, len(model.flaps))
+        _, stuck = faults.on(BLADES, flaps)
         limits = np.tile([flap.angle_limit for flap in model.flaps], BLADES)
         beyond = np.flatnonzero(np.abs(stuck) > limits * (1.0 + 1e-9))
         if beyond.size:
@@ -142,9 +150,9 @@ class Settings:
         known = [each.name for each in fields(cls)]
         for name in keywords:
             if name not in known:
-                near = difflib.get_close_matches(name, known, n=1)
+                near = difflib.get_close_matches(name, [*known, *_MOVED], n=1)
                 hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}, render_mode"
-                hint = _MOVED.get(name, hint)
+                hint = _MOVED.get(near[0] if near else name, hint)
                 raise TypeError(
                     f"{owner}.__init__() got an unexpected keyword argument {shown(name)}; {hint}"
                 )

@@ -172,6 +172,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._turbines = Turbines(self.settings, 1, self.settings.full_info)
         self.observation_space = self._turbines.observation_space
         self.action_space = self._turbines.action_space
+        self._shape = self.action_space.shape or ()
         self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._turbines.action_time)}
         self._running = False
         self._compiled = self._compile()
@@ -236,15 +237,19 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("step: no episode is running; call reset first")
         if self._compiled is None:
             return self._step_uncompiled(action)
-        # The very objects, as of every plain array: what else holds numbers is read first.
-        if action.__class__ is not np.ndarray or action.dtype is not FLOAT32 or action.ndim != 1:
-            action = numbers(action, self.action_space.shape or ())
-        elif action.shape != self.action_space.shape:
-            numbers(action, self.action_space.shape or ())
+        # The very objects, as of every plain array: what else holds numbers is read first, and so is a view with gaps or
+        # one that cannot be written to, for which the step would be compiled once more.
+        if (
+            action.__class__ is not np.ndarray
+            or action.dtype is not FLOAT32
+            or action.shape != self._shape
+            or not action.flags.carray
+        ):
+            action = numbers(action, self._shape)
         try:
             observation, told = self._compiled.step(action)
         except ValueError:
-            refuse_not_finite(numbers(action, self.action_space.shape or ()), self._turbines.quantities.flaps)
+            refuse_not_finite(numbers(action, self._shape), self._turbines.quantities.flaps)
             raise
         self._elapsed += 1
         wind, azimuth, _, _, *squares, reward, of_moments, of_angles, of_tower = told[self._wind :].tolist()
@@ -269,7 +274,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _step_uncompiled(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """The same by the functions that many turbines take."""
-        values = numbers(action, self.action_space.shape or ())
+        values = numbers(action, self._shape)
         observation, reward, terminated, truncated, infos = self._turbines.step(values[None])
         self._elapsed += 1
         self._running = not (terminated[0] or truncated[0])

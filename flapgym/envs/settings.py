@@ -61,16 +61,11 @@ class Actuators:
         ValueError
             If a flap is stuck beyond its stop, or there is neither one entry a blade nor one a flap.
         """
-        flaps = len(model.flaps)
-        for name in ("stuck", "effectiveness"):
-            given = len(getattr(self, name))
-            if given not in (BLADES, BLADES * flaps):
-                also = f", or {BLADES * flaps}, one a flap" if flaps > 1 else ""
-                raise ValueError(
-                    f"actuators.{name}: expected {BLADES} entries, one a blade{also}, got {given}"
-                )
         faults = Faults(self.effectiveness, self.stuck, self.lag)
-        _, stuck = faults.on(BLADES, flaps)
+        try:
+            _, stuck = faults.on(BLADES, len(model.flaps))
+        except ValueError as error:
+            raise ValueError(str(error).replace("faults", "actuators")) from None
         limits = np.tile([flap.angle_limit for flap in model.flaps], BLADES)
         beyond = np.flatnonzero(np.abs(stuck) > limits * (1.0 + 1e-9))
         if beyond.size:

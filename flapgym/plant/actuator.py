@@ -46,8 +46,10 @@ class Faults:
             If there is neither one entry for each blade of the rotor nor one for each flap.
         """
         return (
-            _for_each("flap_effectiveness", self.effectiveness, blades, flaps),
-            _for_each("stuck_flaps", [math.nan if one is None else one for one in self.stuck], blades, flaps),
+            _for_each("faults.effectiveness", self.effectiveness, blades, flaps),
+            _for_each(
+                "faults.stuck", [math.nan if one is None else one for one in self.stuck], blades, flaps
+            ),
         )
 
 

@@ -36,6 +36,7 @@ class Pool:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Pool:
         """Copies of a plant share it: what it holds is the same for all."""
+        memo[id(self.rows)] = self.rows  # a plant's episode shows them, too
         return self
 
     def fill(self, wanted: NDArray[np.int64]) -> None:

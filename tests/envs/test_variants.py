@@ -12,9 +12,10 @@ from gymnasium.envs.registration import EnvSpec
 
 from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.envs import FlapEnv, FlapVectorEnv
-from flapgym.envs.settings import Settings
+from flapgym.envs.settings import Actuators, Sensors, Settings
+from flapgym.envs.task import Task
 from flapgym.model import load_model
-from flapgym.wind import gust_of
+from flapgym.wind import Wind, gust_of
 from flapgym.wind.gusts import GUSTS
 from tests.synthetic import synthetic_blade, synthetic_model
 
@@ -272,7 +273,12 @@ def test_a_state_belongs_to_a_wind_whatever_it_is_called(tmp_path):
 def test_every_keyword_stands_in_the_manual():
     manual = FlapEnv.__doc__ or ""
     arguments = manual[manual.index("## Arguments") : manual.index("## Gusts")]
+    families = {"wind": Wind, "task": Task, "actuators": Actuators, "sensors": Sensors}
     for field in fields(Settings):
-        assert f"`{field.name}`" in arguments, field.name
+        within = (
+            [f".{part.name}" for part in fields(families[field.name])] if field.name in families else [""]
+        )
+        for part in within:
+            assert f"`{field.name}{part}`" in arguments, field.name + part
     for kind in GUSTS:
         assert f'| `"{kind}"` |' in manual

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ class Screen:
         flaps, spans = len(model.flaps), nameplate(model.case).flap_spans
         # A model that does not tell where its flaps are shows their angles along the whole blade, side by side.
         ends = np.linspace(*BLADE_SPAN, flaps + 1)
-        self._spans = spans if len(spans) == flaps else tuple(zip(ends[:-1], ends[1:], strict=True))
+        self._spans = spans if len(spans) == flaps else tuple(pairwise(ends))
         self._angle_limit = max(flap.angle_limit for flap in model.flaps)
         self._every = max(1, round(FRAME / period))
         self._history: deque[dict[str, Any]] = deque(maxlen=int(SPAN / (self._every * period)) + 1)

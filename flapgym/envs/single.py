@@ -82,7 +82,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `reward_rbm` = - mean square of RBM over samples and blades / `rbm_rms`^2. The constant is the model's open-loop
       rms at 10 % turbulence: doing nothing earns about -1 a step on average.
-    - `reward_flap_angle` = - `task.flap_angle_weight` * mean square of (flap angle / angle stop).
+    - `reward_flap_angle` = - `task.flap_angle_weight` * mean square of (flap angle / angle stop);
+      of several flaps, the first one's stop.
     - `reward_tower` = - `task.tower_weight` * mean square of the tower top's fore-aft displacement [m].
 
     ## Starting State
@@ -384,7 +385,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._compiled is not None:
             self._compiled.store()
         angle, rate = self._turbines.plant.flap_motion()
-        return angle[0], rate[0]
+        return angle[0].copy(), rate[0].copy()
 
     def _load(self) -> None:
         """Hand the turbine to the compiled code, as it is now."""

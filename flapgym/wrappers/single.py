@@ -1,7 +1,8 @@
 """Other actions for the same environments: target angles, and corrections to what an agent does.
 
     env = TargetAngle(gymnasium.make("flapgym/NREL5MW-v1"))
-    env = Residual(gymnasium.make("flapgym/NREL5MW-v1", observe=..., steps_per_action=1), "lqg", scale=0.3)
+    task = {"observe": ("rbm", "flap_angle", "flap_rate")}
+    env = Residual(gymnasium.make("flapgym/NREL5MW-v1", task=task, steps_per_action=1), "lqg", scale=0.3)
 
 The same for the vector environment stands in `flapgym.wrappers.vector`.
 """
@@ -279,9 +280,11 @@ def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agen
         )
     check_time_step(agent, model.time_step)
     columns = np.array([index for name in agent.observe for index in places[name]])
+    flaps = len(model.flaps)
     if settings.single_blade:
         agent = OneBlade(agent) if getattr(agent, "per_blade", False) else agent
-        _check_one_blade(agent, columns.size)
+    if settings.single_blade or flaps > 1:
+        _check_by_trying(agent, columns.size, settings.single_blade, flaps)
     return agent, columns
 
 
@@ -311,19 +314,20 @@ class OneBlade:
         return action[..., :1], state
 
 
-def _check_one_blade(agent: Agent, size: int) -> None:
-    """Refuse an agent that cannot act on one blade's observations; trying tells, also of agents not our own."""
+def _check_by_trying(agent: Agent, size: int, single_blade: bool, flaps: int) -> None:
+    """Refuse an agent that cannot act on one blade, or on several flaps; trying tells, also of agents not our own."""
     try:
         action, _ = agent.predict(np.zeros(size, dtype=np.float32), None)
     except (ValueError, TypeError, IndexError) as error:
         found = str(error)
     else:
-        if np.shape(action) == (1,):
+        if np.shape(action) == (flaps * (1 if single_blade else BLADES),):
             return
         found = f"it gives actions of shape {np.shape(action)}"
-    raise ValueError(
-        f"agent {agent.name} cannot act on a single blade: {found}; take one that treats each blade alone, such as lqg"
-    )
+    what, instead = "a single blade", "treats each blade alone, such as lqg"
+    if flaps > 1:
+        what, instead = f"{flaps} flaps a blade", "was made for such a turbine"
+    raise ValueError(f"agent {agent.name} cannot act on {what}: {found}; take one that {instead}")
 
 
 def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> Array:

@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import json
 import pickle
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -18,7 +19,7 @@ from flapgym.envs.task import Task
 from flapgym.wind import Wind
 from tests.synthetic import synthetic_model
 
-MAPPINGS = {
+MAPPINGS: dict[str, Any] = {
     "wind": {
         "turbulence_intensity": 0.08,
         "length_scale": 100.0,
@@ -28,9 +29,9 @@ MAPPINGS = {
     "actuators": {"lag": 0.05, "stuck": (None, 0.03, None), "effectiveness": (1.0, 1.0, 0.6)},
     "sensors": {"noise": 1e4, "delay": 0.014},
 }
-CLASSES = {"wind": Wind, "task": Task, "actuators": Actuators, "sensors": Sensors}
+CLASSES: dict[str, Any] = {"wind": Wind, "task": Task, "actuators": Actuators, "sensors": Sensors}
 OBJECTS = {family: CLASSES[family](**fields) for family, fields in MAPPINGS.items()}
-EVERY_FORM = {
+EVERY_FORM: dict[str, Any] = {
     "plain": {},
     "numpy": {"backend": "numpy"},
     "noise": {"sensors": {"noise": 1e4}},
@@ -77,11 +78,13 @@ def test_families_are_frozen_and_changed_by_replacing():
     assert _env(sensors=quiet).settings.sensors == Sensors(delay=0.014)
 
 
-@pytest.mark.parametrize("name", _MOVED)
-@pytest.mark.parametrize("cls", [FlapEnv, FlapVectorEnv])
+# `make_vec` hands `max_episode_steps` on, so a vector takes it.
+@pytest.mark.parametrize(
+    "cls, name",
+    [(FlapEnv, name) for name in _MOVED]
+    + [(FlapVectorEnv, name) for name in _MOVED if name != "max_episode_steps"],
+)
 def test_an_old_keyword_is_refused_with_its_new_place(cls, name):
-    if name == "max_episode_steps" and cls is FlapVectorEnv:
-        pytest.skip("which make_vec hands on")
     with pytest.raises(TypeError) as refused:
         _env(cls, **{name: 1})
     line = str(refused.value)
@@ -156,6 +159,26 @@ def test_a_copy_goes_on_by_itself(cls, form, copied):
     assert env.get_state() == before  # the copy's steps are its own
     twin.set_state(before)
     _assert_steps_equal(env, twin, actions[7:])
+
+
+def test_what_a_caller_does_to_a_motion_told_does_not_reach_the_flaps():
+    for cls in (FlapEnv, FlapVectorEnv):
+        env = _env(cls)
+        env.reset(seed=0)
+        for part in env.flap_motion():
+            part[:] = 9.0
+        assert not any(part.any() for part in env.flap_motion())
+
+
+@pytest.mark.parametrize("cls", [FlapEnv, FlapVectorEnv])
+def test_the_state_after_an_episode_s_end_is_of_that_end(cls):
+    env = _env(cls)
+    env.reset(seed=0)
+    for _ in range(20):
+        env.step(np.full(env.action_space.shape, 0.3))
+    plant = env.get_state()["turbines"][0]["plant"]
+    assert plant["elapsed"] == 20
+    np.testing.assert_array_equal(np.ravel(env.flap_motion()[0]), plant["flaps"][0])
 
 
 @pytest.mark.parametrize("form", [form for form in EVERY_FORM if form != "single precision"])

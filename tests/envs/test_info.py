@@ -1,4 +1,4 @@
-"""What is told beside observation and reward: exactly a dict, with these entries, and nobody's arrays but the caller's."""
+"""What is told beside observation and reward: exactly a dict, with these entries, in arrays that are the caller's."""
 
 from __future__ import annotations
 
@@ -80,6 +80,8 @@ def test_recorded_samples_are_told_also_without_arrays(backend):
     first, last = _told(env)
     assert set(first) == NUMBERS
     assert set(last) == NUMBERS | TERMS | {"samples"}
-    shapes = {name: (5, 3) for name in ("rbm", "tip_deflection", "flap_angle", "flap_rate")}
-    shapes |= {name: (5,) for name in ("tower_fore_aft", "tower_side_side", "wind")}
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
+        ("rbm", "tip_deflection", "flap_angle", "flap_rate"), (5, 3)
+    )
+    shapes |= dict.fromkeys(("tower_fore_aft", "tower_side_side", "wind"), (5,))
     assert {name: part.shape for name, part in last["samples"].items()} == shapes

@@ -15,8 +15,8 @@ from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.envs import FlapEnv, FlapVectorEnv
 from flapgym.envs.rendering import BLADE_COLOURS, BLADE_SPAN, Screen
 from flapgym.model import save_model
-from flapgym.wrappers.single import TargetAngle
-from flapgym.wrappers.vector import VectorTargetAngle
+from flapgym.wrappers.single import Residual, TargetAngle
+from flapgym.wrappers.vector import VectorResidual, VectorTargetAngle
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model(flaps=3)
@@ -158,6 +158,30 @@ def test_target_angles_are_fractions_of_each_flap_s_stop(single_blade, lag):
     reached = target * np.tile(LIMITS[0], count // 3)
     np.testing.assert_allclose(info["flap_angle"], reached, atol=1e-4)
     np.testing.assert_allclose(infos["flap_angle"], [reached, -reached], atol=1e-4)
+
+
+@pytest.mark.parametrize("single_blade", [False, True])
+def test_an_agent_of_one_flap_a_blade_is_refused_before_the_first_step(single_blade):
+    def env(cls):
+        return cls(model=MODEL, task=OBSERVE, single_blade=single_blade, steps_per_action=1)
+
+    for wrapped in (lambda: Residual(env(FlapEnv), "pd"), lambda: VectorResidual(env(FlapVectorEnv), "pd")):
+        with pytest.raises(
+            ValueError, match="^agent pd cannot act on 3 flaps a blade: .*; take one that was made"
+        ):
+            wrapped()
+
+    class Known:
+        """An agent of somebody else's, made for such a turbine."""
+
+        name, observe, steps_per_action = "known", ("rbm", "flap_angle"), 1
+
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return np.zeros((*np.shape(observation)[:-1], 3 if single_blade else 9), dtype=np.float32), None
+
+    corrected = Residual(env(FlapEnv), Known())
+    corrected.reset(seed=0)
+    assert np.isfinite(corrected.step(np.full(corrected.action_space.shape, 0.1))[1])
 
 
 def test_stable_baselines_takes_turbines_and_blades_of_three_flaps():

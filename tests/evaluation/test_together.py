@@ -31,7 +31,7 @@ POLICY = Policy(
 SIGNALS = ("rbm", "tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "tower_side_side", "wind")
 
 
-@pytest.mark.parametrize("settings", [{}, {"measurement_noise": 1e5, "sensor_delay": 0.014}])
+@pytest.mark.parametrize("settings", [{}, {"sensors": {"noise": 1e5, "delay": 0.014}}])
 def test_records_are_those_of_each_agent_alone(settings):
     agents = [TURNED, OpenLoop(), PD, POLICY, LQG, replace(PD, name="again")]
     together = simulate_together(agents, MODEL, [5, 9], 4.0, **settings)

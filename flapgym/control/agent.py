@@ -104,7 +104,7 @@ def by_blade(observation: Floats, observe: tuple[str, ...]) -> Array:
     if values.shape[-1] != expected:
         raise ValueError(
             f"observation: expected {expected} entries ({', '.join(observe)} of three blades), "
-            f"got {values.shape[-1]}; make the environment with task={{\"observe\": {observe}}}"
+            f"got {values.shape[-1]}; make the environment with observe={observe}"
         )
     scales = np.array([OBSERVATION_SCALES[name] for name in observe])
     split = values.reshape(*values.shape[:-1], len(observe), BLADES)

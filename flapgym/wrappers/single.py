@@ -280,11 +280,9 @@ def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agen
         )
     check_time_step(agent, model.time_step)
     columns = np.array([index for name in agent.observe for index in places[name]])
-    flaps = len(model.flaps)
     if settings.single_blade:
         agent = OneBlade(agent) if getattr(agent, "per_blade", False) else agent
-    if settings.single_blade or flaps > 1:
-        _check_by_trying(agent, columns.size, settings.single_blade, flaps)
+        _check_one_blade(agent, columns.size)
     return agent, columns
 
 
@@ -314,20 +312,19 @@ class OneBlade:
         return action[..., :1], state
 
 
-def _check_by_trying(agent: Agent, size: int, single_blade: bool, flaps: int) -> None:
-    """Refuse an agent that cannot act on one blade, or on several flaps; trying tells, also of agents not our own."""
+def _check_one_blade(agent: Agent, size: int) -> None:
+    """Refuse an agent that cannot act on one blade's observations; trying tells, also of agents not our own."""
     try:
         action, _ = agent.predict(np.zeros(size, dtype=np.float32), None)
     except (ValueError, TypeError, IndexError) as error:
         found = str(error)
     else:
-        if np.shape(action) == (flaps * (1 if single_blade else BLADES),):
+        if np.shape(action) == (1,):
             return
         found = f"it gives actions of shape {np.shape(action)}"
-    what, instead = "a single blade", "treats each blade alone, such as lqg"
-    if flaps > 1:
-        what, instead = f"{flaps} flaps a blade", "was made for such a turbine"
-    raise ValueError(f"agent {agent.name} cannot act on {what}: {found}; take one that {instead}")
+    raise ValueError(
+        f"agent {agent.name} cannot act on a single blade: {found}; take one that treats each blade alone, such as lqg"
+    )
 
 
 def checked_action(action: ArrayLike, shape: tuple[int, ...]) -> Array:

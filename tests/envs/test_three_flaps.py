@@ -160,28 +160,31 @@ def test_target_angles_are_fractions_of_each_flap_s_stop(single_blade, lag):
     np.testing.assert_allclose(infos["flap_angle"], [reached, -reached], atol=1e-4)
 
 
-@pytest.mark.parametrize("single_blade", [False, True])
-def test_an_agent_of_one_flap_a_blade_is_refused_before_the_first_step(single_blade):
-    def env(cls):
-        return cls(model=MODEL, task=OBSERVE, single_blade=single_blade, steps_per_action=1)
+class Known:
+    """An agent of somebody else's, made for such a turbine."""
 
-    for wrapped in (lambda: Residual(env(FlapEnv), "pd"), lambda: VectorResidual(env(FlapVectorEnv), "pd")):
-        with pytest.raises(
-            ValueError, match="^agent pd cannot act on 3 flaps a blade: .*; take one that was made"
-        ):
-            wrapped()
+    name, observe, steps_per_action = "known", ("rbm", "flap_angle"), 1
 
-    class Known:
-        """An agent of somebody else's, made for such a turbine."""
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """Pushes every flap back."""
+        return -observation[..., 3:], None
 
-        name, observe, steps_per_action = "known", ("rbm", "flap_angle"), 1
 
-        def predict(self, observation, state=None, episode_start=None, deterministic=True):
-            return np.zeros((*np.shape(observation)[:-1], 3 if single_blade else 9), dtype=np.float32), None
-
-    corrected = Residual(env(FlapEnv), Known())
-    corrected.reset(seed=0)
-    assert np.isfinite(corrected.step(np.full(corrected.action_space.shape, 0.1))[1])
+def test_an_agent_is_corrected_flap_by_flap():
+    one = Residual(FlapEnv(model=MODEL, task=OBSERVE, steps_per_action=1), Known(), scale=0.5)
+    many = VectorResidual(FlapVectorEnv(2, model=MODEL, task=OBSERVE, steps_per_action=1), Known(), scale=0.5)
+    plain = FlapEnv(model=MODEL, task=OBSERVE, steps_per_action=1)
+    observation, _ = plain.reset(seed=0)
+    one.reset(seed=0)
+    many.reset(seed=0)
+    correction = np.linspace(-1.0, 1.0, 9)
+    for _ in range(5):
+        action = -observation[plain.observed["flap_angle"]] + 0.5 * correction
+        observation, *_ = plain.step(action)
+        np.testing.assert_allclose(one.step(correction)[0], observation, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(
+            many.step(np.tile(correction, (2, 1)))[0][0], observation, rtol=1e-6, atol=1e-9
+        )
 
 
 def test_stable_baselines_takes_turbines_and_blades_of_three_flaps():

@@ -80,7 +80,7 @@ def test_recorded_samples_are_told_also_without_arrays(backend):
     first, last = _told(env)
     assert set(first) == NUMBERS
     assert set(last) == NUMBERS | TERMS | {"samples"}
-    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
+    shapes = dict.fromkeys(
         ("rbm", "tip_deflection", "flap_angle", "flap_rate"), (5, 3)
     )
     shapes |= dict.fromkeys(("tower_fore_aft", "tower_side_side", "wind"), (5,))

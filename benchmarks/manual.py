@@ -91,7 +91,7 @@ def index_page() -> str:
             "# Environments",
             "",
             "`import flapgym` registers these with Gymnasium; `gymnasium.make` gives one turbine, `gymnasium.make_vec`",
-            "many. Those of the whole turbine take the same keywords, so a variant is only a name for some of them.",
+            "many. All take the same keywords, so a variant is only a name for some of them.",
             "",
             "| id | what it is |",
             "|---|---|",
@@ -139,12 +139,19 @@ def environment_page(entry: Registered, scores: Mapping[str, Any] | None) -> str
     env.close()
     if scores:
         text += _scored(scores)
-    first = ENVIRONMENTS[0]
-    if first is entry:
+    # The first of its kind has the manual: that of the class, or its own beside that of the class.
+    first = next(other for other in ENVIRONMENTS if other.manual == entry.manual)
+    if first is ENVIRONMENTS[0] is entry:
         text += [inspect.cleandoc(FlapEnv.__doc__ or "")]
+    elif first is entry:
+        text += [entry.manual, "", _as_in(ENVIRONMENTS[0])]
     else:
-        text += [f"Everything else is as in [`{first.id}`]({page_name(first)})."]
+        text += [_as_in(first)]
     return "\n".join(text) + "\n"
+
+
+def _as_in(entry: Registered) -> str:
+    return f"Everything else is as in [`{entry.id}`]({page_name(entry)})."
 
 
 def _scored(scores: Mapping[str, Any]) -> list[str]:
@@ -176,7 +183,7 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
 def _first_line(path: str) -> str:
     """First sentence of a class's docstring."""
     module, name = path.rsplit(".", 1)
-    source = (Path(__file__).parents[1] / Path(*module.split(".")[1:])).with_suffix(".py")
+    source = (Path(__file__).parents[1] / Path(*module.split("."))).with_suffix(".py")
     # Read, not imported: the adapter needs Stable-Baselines3.
     body = ast.parse(source.read_text(encoding="utf-8")).body
     (found,) = (node for node in body if isinstance(node, ast.ClassDef) and node.name == name)

@@ -252,9 +252,11 @@ def test_an_environment_has_the_case_s_turbulence_by_default(model):
         return env.step(np.zeros((2, 3)))[4]["samples"]["wind"]
 
     own = winds()
-    np.testing.assert_array_equal(own, winds(turbulence_intensity=0.14, length_scale=105.0 * FACTOR))
-    assert (own != winds(turbulence_intensity=0.10)).any()
-    assert (own != winds(length_scale=147.0)).any()
+    np.testing.assert_array_equal(
+        own, winds(wind={"turbulence_intensity": 0.14, "length_scale": 105.0 * FACTOR})
+    )
+    assert (own != winds(wind={"turbulence_intensity": 0.10})).any()
+    assert (own != winds(wind={"length_scale": 147.0})).any()
 
 
 def test_the_loads_of_a_large_turbine_are_observed_unclipped(model):

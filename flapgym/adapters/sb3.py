@@ -33,7 +33,7 @@ class FlapVecEnv(VecEnv):
         Made with `autoreset_mode="SameStep"`.
     per_blade : bool
         False: one environment a turbine. True: three a turbine, one for each blade in the order of the blades, which
-        sees its own moment, flap angle and so on, moves its own flap, and is rewarded by its own moment (the reward's
+        sees its own moment, flap angles and so on, moves its own flaps, and is rewarded by its own moment (the reward's
         other terms are the turbine's); a policy is then shared by the blades.
 
     Notes

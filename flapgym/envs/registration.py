@@ -22,6 +22,8 @@ class Registered:
         What it is, for its page: one sentence, then what a reader has to know.
     keywords : mapping
         Keywords that differ from the defaults of its class.
+    manual : str
+        What its page says in place of the manual of its class, which holds for all else.
     agents : str
         The set of shipped agents made for its turbine: a folder of `flapgym/control/agents`.
     """
@@ -29,8 +31,24 @@ class Registered:
     id: str
     summary: str
     keywords: Mapping[str, Any] = field(default_factory=dict)
+    manual: str = ""
     agents: str = "nrel5mw-corrected"
 
+
+BLADE_MANUAL = """\
+The design model of Ng et al., on which their controllers are made: a rotating blade, clamped at its root, in
+homogeneous turbulence with one trailing-edge flap over 20 % of its lifting span and 10 % of its chord, without tower,
+shaft and neighbours. It has a third of the turbine's states and one of everything, for quick study; what is learnt on
+it can be tried on the turbine, blade by blade. Any model gives its blade with `single_blade=True`, several flaps
+included.
+
+- **Actions** and what is **observed** are one in place of three: `rbm`, `flap_angle`, `flap_rate`, `tip_deflection`,
+  and `wind`. A blade does not know `azimuth` and `tower_top`.
+- **Reward**: the moment's constant is the open-loop rms of this blade in the model's reference turbulence, so that
+  doing nothing earns about -1 a step on average here too. `task.tower_weight` must be zero.
+- **Information**: without `azimuth` and `tower_top`; what is one a blade on the turbine has shape (1,).
+- **Faults**: `actuators.stuck` and `actuators.effectiveness` have three entries here too, of which the first counts.
+- The option `azimuth` of `reset` has no effect."""
 
 _FAMILIES = (
     Registered("flapgym/NREL5MW", "The turbine of three blades in homogeneous turbulence."),
@@ -38,6 +56,7 @@ _FAMILIES = (
         "flapgym/NREL5MWBlade",
         "The clamped single blade, the paper's design model: one flap, one moment.",
         {"single_blade": True},
+        manual=BLADE_MANUAL,
     ),
     Registered(
         "flapgym/NREL5MWGust",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -58,8 +59,11 @@ class Screen:
 
     def __init__(self, model: TurbineModel, mode: str, period: float) -> None:
         self._model, self._mode, self._period = model, mode, period
-        # A model that does not tell where its flaps are shows their angle along the whole blade.
-        self._flap_span = nameplate(model.case).flap_span or BLADE_SPAN
+        flaps, spans = len(model.flaps), nameplate(model.case).flap_spans
+        # A model that does not tell where its flaps are shows their angles along the whole blade, side by side.
+        ends = np.linspace(*BLADE_SPAN, flaps + 1)
+        self._spans = spans if len(spans) == flaps else tuple(pairwise(ends))
+        self._angle_limit = max(flap.angle_limit for flap in model.flaps)
         self._every = max(1, round(FRAME / period))
         self._history: deque[dict[str, Any]] = deque(maxlen=int(SPAN / (self._every * period)) + 1)
         self._now: dict[str, Any] | None = None
@@ -143,7 +147,7 @@ class Screen:
         if self._now is None:
             return
         now = self._now
-        limit = np.rad2deg(self._model.flap_angle_limit)
+        limit = np.rad2deg(self._angle_limit)
         self._rotor(now)
         self._text(
             "rotor from upwind" if "azimuth" in now else "clamped blade from upwind", (20, 14), 16, WIND
@@ -153,14 +157,15 @@ class Screen:
             self._text(f"azimuth {round(np.rad2deg(now['azimuth'])) % 360:5d} deg", (120, 430), 20)
         if "wind_perturbation" in now:
             self._text(f"wind {self._model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
-        for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
-            self._text(f"flap {blade + 1}  {np.rad2deg(angle):+5.1f} deg", (20 + 92 * blade, 405), 16, colour)
+        for blade, (angles, colour) in enumerate(zip(self._by_blade(now), BLADE_COLOURS, strict=False)):
+            self._text(_angles_text(blade + 1, np.rad2deg(angles)), (20 + 92 * blade, 405), 16, colour)
         rbm = np.array([entry["rbm"] for entry in self._history]) * 1e-6
         flap = np.rad2deg([entry["flap_angle"] for entry in self._history])
         wind = np.array([[entry["wind_perturbation"]] for entry in self._history])
         reach = max(3.0 * self._model.rbm_rms * 1e-6, float(np.abs(rbm).max(initial=0.0)))
         self._trace((345, 30), "root bending moment [MN m]", rbm, reach, BLADE_COLOURS)
-        self._trace((345, 180), "flap angle [deg]", flap, 1.15 * float(limit), BLADE_COLOURS)
+        of_flaps = [colour for colour in BLADE_COLOURS for _ in self._model.flaps]
+        self._trace((345, 180), "flap angle [deg]", flap, 1.15 * float(limit), of_flaps)
         self._trace(
             (345, 330),
             "wind perturbation [m/s]",
@@ -182,23 +187,27 @@ class Screen:
             foot = [(HUB[0] - 3, HUB[1]), (HUB[0] + 3, HUB[1]), (HUB[0] + 6, 362), (HUB[0] - 6, 362)]
             draw.polygon(self._canvas, GREY, foot)
             draw.circle(self._canvas, GREY, HUB, REACH, 1)
-        for blade, (angle, colour) in enumerate(zip(now["flap_angle"], BLADE_COLOURS, strict=False)):
+        for blade, (angles, colour) in enumerate(zip(self._by_blade(now), BLADE_COLOURS, strict=False)):
             azimuth = now.get("azimuth", 0.0) + 2.0 * np.pi * blade / 3.0
             root, tip = BLADE_SPAN
             forward = [(root, 3.0), (WIDEST, 5.0), (tip, 1.5)]
             outline = [*forward, *((radius, _trailing_edge(radius)) for radius in (tip, WIDEST, root))]
             draw.polygon(self._canvas, BLADE, [_place(azimuth, *corner) for corner in outline])
-            flap = flap_outline(*self._flap_span)
-            corners = [_place(azimuth, *corner) for corner in flap]
-            draw.polygon(self._canvas, _flap_colour(angle / self._model.flap_angle_limit), corners)
-            draw.polygon(self._canvas, INK, corners, 1)
+            for angle, span in zip(angles, self._spans, strict=True):
+                corners = [_place(azimuth, *corner) for corner in flap_outline(*span)]
+                draw.polygon(self._canvas, _flap_colour(angle / self._angle_limit), corners)
+                draw.polygon(self._canvas, INK, corners, 1)
             label = _place(azimuth, 1.09, 0.0)
             self._text(str(blade + 1), (label[0] - 4, label[1] - 7), 20, colour)
         draw.circle(self._canvas, INK, HUB, 6)
         self._legend()
 
+    def _by_blade(self, now: dict[str, Any]) -> NDArray[np.float64]:
+        """Flap angles of an instant, (blades, F) [rad]."""
+        return np.asarray(now["flap_angle"], dtype=np.float64).reshape(-1, len(self._model.flaps))
+
     def _legend(self) -> None:
-        limit = np.rad2deg(self._model.flap_angle_limit)
+        limit = np.rad2deg(self._angle_limit)
         for step in range(101):
             colour = _flap_colour(step / 50.0 - 1.0)
             self._pygame.draw.line(self._canvas, colour, (100 + step, 376), (100 + step, 386))
@@ -237,6 +246,13 @@ class Screen:
 
     def _text(self, text: str, place: Point, size: int, colour: Colour = INK) -> None:
         self._canvas.blit(self._fonts[size].render(text, True, colour), place)
+
+
+def _angles_text(blade: int, degrees: NDArray[np.float64]) -> str:
+    """A blade's flap angle in words; of several flaps the least and the largest."""
+    if len(degrees) == 1:
+        return f"flap {blade}  {degrees[0]:+5.1f} deg"
+    return f"{blade}  {degrees.min():+.0f} to {degrees.max():+.0f} deg"
 
 
 def flap_outline(inner: float, outer: float) -> list[Point]:

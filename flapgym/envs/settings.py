@@ -145,9 +145,9 @@ class Settings:
         known = [each.name for each in fields(cls)]
         for name in keywords:
             if name not in known:
-                near = difflib.get_close_matches(name, known, n=1)
+                near = difflib.get_close_matches(name, [*known, *_MOVED], n=1)
                 hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}, render_mode"
-                hint = _MOVED.get(name, hint)
+                hint = _MOVED.get(near[0] if near else name, hint)
                 raise TypeError(
                     f"{owner}.__init__() got an unexpected keyword argument {shown(name)}; {hint}"
                 )

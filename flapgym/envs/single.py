@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Load alleviation on the NREL 5 MW turbine with one trailing-edge flap a blade.
+    """Load alleviation on a wind turbine with trailing-edge flaps, by default the NREL 5 MW with one flap a blade.
 
     ## Description
 
@@ -37,17 +37,30 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     tower, rotating blades and vortex-lattice aerodynamics of Ng et al., exact within the model; all loads and
     deflections are perturbations about the steady equilibrium, positive downwind.
 
+    All arguments are keywords, some of them in families that are plain mappings:
+
+        gymnasium.make(
+            "flapgym/NREL5MW-v1",
+            task={"observe": ("rbm", "flap_angle", "flap_rate")},
+            wind={"turbulence_intensity": 0.0, "gust": {"kind": "extreme_operating_gust", "start": 5.0}},
+            sensors={"noise": 2e4},
+            steps_per_action=1,
+        )
+
     ## Action Space
 
-    `Box(-1, 1, (3,), float32)`: acceleration of the flaps of blades 1 to 3 as a fraction of the model's
-    `acceleration_limit` (600 deg/s^2), held for `steps_per_action` plant steps of 0.007 s. Values beyond the bounds are
-    clipped; NaN, infinity and a wrong shape raise `ValueError` and leave the state as it was. A positive flap angle
-    (trailing edge to the upwind, pressure side) raises lift and RBM. The actuator is a double integrator with hard
-    stops at 10 deg and 100 deg/s; a stop zeroes the rate that points into it.
+    `Box(-1, 1, (3,), float32)`: acceleration of the flaps of blades 1 to 3 as a fraction of the model's limit
+    (600 deg/s^2), held for `steps_per_action` plant steps of 0.007 s. Values beyond the bounds are clipped; NaN,
+    infinity and a wrong shape raise `ValueError` and leave the state as it was. A positive flap angle (trailing edge to
+    the upwind, pressure side) raises lift and RBM. The actuator is a double integrator with hard stops at 10 deg and
+    100 deg/s; a stop zeroes the rate that points into it.
+
+    A model may have several flaps a blade, F, each with limits of its own. Then there are 3 F actions, flap angles and
+    rates: blade by blade, on each flap by flap from root to tip. With `single_blade=True` there are F.
 
     ## Observation Space
 
-    `Box` of float32, in the order of the keyword `observe`; values beyond the bounds are clipped.
+    `Box` of float32, in the order of the keyword `task.observe`; values beyond the bounds are clipped.
 
     | name | entries | unit | bound | meaning |
     |---|---|---|---|---|
@@ -60,7 +73,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `wind` | 1 | m/s | 50 | wind perturbation along the shaft |
 
     The default, `("rbm",)`, is what the paper measures. RBM alone says too little for a policy without memory: training
-    works with `("rbm", "flap_angle", "flap_rate")`.
+    works with `("rbm", "flap_angle", "flap_rate")`. Further outputs of a model, `[signals]` in its case, go by their
+    own names, in SI units. `env.unwrapped.observed` says where each name stands in an observation.
 
     ## Rewards
 
@@ -68,8 +82,9 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `reward_rbm` = - mean square of RBM over samples and blades / `rbm_rms`^2. The constant is the model's open-loop
       rms at 10 % turbulence: doing nothing earns about -1 a step on average.
-    - `reward_flap_angle` = - `flap_angle_weight` * mean square of (flap angle / angle stop).
-    - `reward_tower` = - `tower_weight` * mean square of the tower top's fore-aft displacement [m].
+    - `reward_flap_angle` = - `task.flap_angle_weight` * mean square of (flap angle / angle stop);
+      of several flaps, the first one's stop.
+    - `reward_tower` = - `task.tower_weight` * mean square of the tower top's fore-aft displacement [m].
 
     ## Starting State
 
@@ -93,45 +108,67 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Information
 
-    `reset` and `step` return a fresh dict in SI units, at the last sample of the interval: `rbm` (3,) [N m], without
-    noise and bounds, `flap_angle` (3,) [rad], `flap_rate` (3,) [rad/s], `flap_travel` (3,) [rad], the way gone since
-    the reset, `flap_stopped` (3,), whether the flap met a stop in the interval, `wind_perturbation` [m/s], `azimuth`
-    [rad], and from `step` `rbm_mean_square` (3,) [N^2 m^2] over the interval and the reward's terms `reward_rbm`,
-    `reward_flap_angle`, `reward_tower`. A step's arrays are made when the dict is first looked at: give `dict(info)` to
-    code that reads dicts past Python, as some encoders and tree libraries in C do. With `full_info`
-    also `tip_deflection` (3,) [m] and `tower_top` (2,) [m] downwind and sideways, which take a tenth of a step;
-    `FlapVectorEnv` always gives them. With `record_samples` there is `samples`: a dict of arrays over the plant samples
-    (`rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3), `tower_fore_aft`, `tower_side_side`, `wind` (k,)).
+    `reset` and `step` return a fresh, plain dict in SI units, at the last sample of the interval. Of one environment it
+    holds numbers alone, so that a step stays quick:
+
+    | entry | from | meaning |
+    |---|---|---|
+    | `wind_perturbation` | both | [m/s] |
+    | `azimuth` | both | of blade 1, 0 to 2 pi [rad] |
+    | `reward_rbm`, `reward_flap_angle`, `reward_tower` | `step` | the reward's terms |
+
+    With `full_info=True`, and from `FlapVectorEnv` always, there are arrays, too:
+
+    | entry | from | meaning |
+    |---|---|---|
+    | `rbm` (3,) | both | root bending moments, without noise, delay and bounds [N m] |
+    | `tip_deflection` (3,) | both | [m] |
+    | `tower_top` (2,) | both | downwind and sideways [m] |
+    | `flap_angle`, `flap_rate` (3,) | both | [rad], [rad/s] |
+    | `flap_travel` (3,) | both | way gone since the reset [rad] |
+    | `flap_stopped` (3,) | both | whether the flap met a stop in the interval |
+    | `rbm_mean_square` (3,) | `step` | over the interval [N^2 m^2] |
+
+    and a model's further outputs by their names. With `record_samples=True` a step's `samples` is a dict of arrays over
+    the plant samples: `rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3), `tower_fore_aft`, `tower_side_side`,
+    `wind` (k,).
 
     ## Arguments
+
+    A name with a dot is a field of a family: `wind.pool` is given as `wind={"pool": 8}`. A family may also be an object
+    of its class: `flapgym.wind.Wind`, `flapgym.envs.task.Task`, `flapgym.envs.settings.Actuators` or `Sensors`. Given
+    to `gymnasium.make`, it takes the place of the whole family that an id was registered with.
 
     | keyword | default | meaning |
     |---|---|---|
     | `model` | `"nrel5mw-corrected"` | name of a shipped model, or a model file of `flapgym build` |
     | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
-    | `turbulence_intensity` | the model's, 0.10 | over mean wind, rms; 0 is still air; `FlapVectorEnv` takes several |
-    | `length_scale` | the model's, 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
-    | `gust` | `None` | a wind beside the turbulence, see below |
+    | `wind.turbulence_intensity` | the model's, 0.10 | rms over mean wind; `FlapVectorEnv` takes one each |
+    | `wind.length_scale` | the model's, 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
+    | `wind.gust` | `None` | a wind beside the turbulence, see below |
+    | `wind.pool` | 0 | draw from realisations 0 to this - 1, shared in the process; 0, as a gust needs: none |
+    | `task.observe` | `("rbm",)` | what is observed, see above |
+    | `task.flap_angle_weight`, `task.tower_weight` | 0.0 | of the reward, to 1e6 |
+    | `actuators.lag` | 0.0 | time constant [s] of a flap's acceleration behind its command, first order, to 60 |
+    | `actuators.stuck` | `(None, None, None)` | angles [rad] at which flaps have long been stuck; `None` moves |
+    | `actuators.effectiveness` | `(1.0, 1.0, 1.0)` | factors on what flaps do to the air; 0 floats, aligned with it |
+    | `sensors.noise` | 0.0 | rms of white noise on the observed RBM [N m], to 5e7; the reward sees none |
+    | `sensors.delay` | 0.0 | by which the observed RBM is late [s], whole plant steps, to 60; the reward is not |
     | `duration` | 20.0 | of an episode [s], 0.001 to 100,000 |
-    | `measurement_noise` | 0.0 | rms of white noise on the observed RBM [N m], to 5e7; the reward sees none |
-    | `sensor_delay` | 0.0 | by which the observed RBM is late [s], whole plant steps, to 60; the reward is not |
-    | `actuator_lag` | 0.0 | time constant [s] of a first-order lag of a flap's acceleration behind its command, to 60 |
-    | `stuck_flaps` | `(None, None, None)` | angles [rad] at which flaps have long been stuck; `None` moves |
-    | `flap_effectiveness` | `(1.0, 1.0, 1.0)` | factors on what each flap does to the air; 0 floats, aligned with it |
     | `steps_per_action` | 5 | plant steps for which an action is held; 1 is the paper's, 5 to 10 train well |
-    | `observe` | `("rbm",)` | what is observed, see above |
-    | `flap_angle_weight`, `tower_weight` | 0.0 | of the reward, to 1e6 |
-    | `full_info` | `False` | tip deflection and tower top in `info`, see Information |
+    | `single_blade` | `False` | the model's clamped blade by itself in place of the turbine |
+    | `full_info` | `False` | arrays in `info`, see Information |
     | `record_samples` | `False` | put every plant sample into `info` |
-    | `realisation_pool` | 0 | draw from realisations 0 to this - 1, shared in the process; 0, as a gust needs: none |
     | `precision` | `"float64"` | `"float32"` halves memory and time of large batches, see docs/speed.md |
-    | `kernel` | `"auto"` | `"numba"` (extra `fast`), `"numpy"`, or the first installed; equal to round-off |
+    | `backend` | `"auto"` | `"numba"` (extra `fast`), `"numpy"`, or the first installed; equal to round-off |
     | `render_mode` | `None` | `"rgb_array"` or `"human"`; `FlapVectorEnv` has the first alone |
+
+    `actuators.stuck` and `actuators.effectiveness` have one entry a blade, for all its flaps, or one a flap.
 
     ## Gusts
 
-    `gust` is a mapping of plain values in SI units. Its wind comes along the shaft on top of the turbulence; with
-    `turbulence_intensity=0` it comes alone. Times count from the start of the episode, and the turbine begins in
+    `wind.gust` is a mapping of plain values in SI units. Its wind comes along the shaft on top of the turbulence; with
+    `wind.turbulence_intensity` 0 it comes alone. Times count from the start of the episode, and the turbine begins in
     equilibrium with what the gust was before.
 
     | `kind` | further entries | wind perturbation |
@@ -172,6 +209,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._turbines = Turbines(self.settings, 1, self.settings.full_info)
         self.observation_space = self._turbines.observation_space
         self.action_space = self._turbines.action_space
+        self._actions = self.action_space.shape or ()
         self.metadata = type(self).metadata | {"render_fps": round(1.0 / self._turbines.action_time)}
         self._running = False
         self._compiled = self._compile()
@@ -183,6 +221,18 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             else Screen(self._turbines.model, render_mode, self._turbines.action_time)
         )
         self._full = self.settings.full_info or render_mode is not None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy has arrays of its own for the compiled code, and shares what its plant shares."""
+        if self._compiled is not None:
+            self._compiled.store()
+        return self.__dict__ | {"_compiled": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._compiled = self._compile()
+        if self._compiled is not None:
+            self._compiled.load(self._turbines.noise_of(0))
 
     def _compile(self) -> CompiledTurbine | None:
         """The turbine in compiled code, where there is any."""
@@ -237,20 +287,19 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("step: no episode is running; call reset first")
         if self._compiled is None:
             return self._step_uncompiled(action)
-        # The very objects, as of every plain array: what else holds numbers is read first.
+        # The very objects, as of every plain array. What else holds numbers is read first; so is a view with gaps, or
+        # one that cannot be written to, for which the step would be compiled once more.
         if (
             action.__class__ is not np.ndarray
             or action.dtype is not FLOAT32
-            or action.ndim != 1
-            or not action.flags.carray  # the compiled code takes no other
+            or action.shape != self._actions
+            or not action.flags.carray
         ):
-            action = numbers(action, self.action_space.shape or ())
-        elif action.shape != self.action_space.shape:
-            numbers(action, self.action_space.shape or ())
+            action = numbers(action, self._actions)
         try:
             observation, told = self._compiled.step(action)
         except ValueError:
-            refuse_not_finite(numbers(action, self.action_space.shape or ()), self._turbines.quantities.flaps)
+            refuse_not_finite(numbers(action, self._actions), self._turbines.quantities.flaps)
             raise
         self._elapsed += 1
         wind, azimuth, _, _, *squares, reward, of_moments, of_angles, of_tower = told[self._wind :].tolist()
@@ -261,6 +310,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "reward_flap_angle": of_angles,
             "reward_tower": of_tower,
         }
+        if self.settings.single_blade:  # which does not turn
+            del info["azimuth"]
         if self._full:
             infos = self._turbines.info(told[None])
             if self._screen is not None:
@@ -275,7 +326,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _step_uncompiled(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """The same by the functions that many turbines take."""
-        values = numbers(action, self.action_space.shape or ())
+        values = numbers(action, self._actions)
         observation, reward, terminated, truncated, infos = self._turbines.step(values[None])
         self._elapsed += 1
         self._running = not (terminated[0] or truncated[0])
@@ -285,7 +336,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def get_state(self) -> dict[str, Any]:
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
-        if self._compiled is not None and self._running:
+        if self._compiled is not None:
             self._compiled.store()
         return {
             **self._turbines.get_state(),
@@ -335,7 +386,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._compiled is not None:
             self._compiled.store()
         angle, rate = self._turbines.plant.flap_motion()
-        return angle[0], rate[0]
+        return angle[0].copy(), rate[0].copy()
 
     def _load(self) -> None:
         """Hand the turbine to the compiled code, as it is now."""

@@ -11,6 +11,12 @@ from typing import Any
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
+from flapgym.core.fields import to_plain
+from flapgym.envs.settings import Actuators, Sensors
+from flapgym.envs.task import Task
+from flapgym.wind import Wind
+from flapgym.wind.gusts import GUSTS
+
 
 def completed(spec: EnvSpec | None, actions: int) -> EnvSpec | None:
     """The specification with an episode's number of actions, on which wrappers that tell the time rely.
@@ -27,7 +33,9 @@ def completed(spec: EnvSpec | None, actions: int) -> EnvSpec | None:
 
 
 def plain(value: Any) -> Any:
-    """Nested keywords with what JSON knows in place of NumPy's numbers and arrays, paths and enumerations."""
+    """Nested keywords with what JSON knows in place of families, NumPy's numbers and arrays, paths and enumerations."""
+    if isinstance(value, (Wind, Task, Actuators, Sensors, *GUSTS.values())):
+        value = to_plain(value)
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     if isinstance(value, os.PathLike):

@@ -127,11 +127,12 @@ class Turbines:
     @property
     def compiles(self) -> bool:
         """Whether one turbine can be stepped by `flapgym.envs.compiled`."""
-        return (
-            isinstance(self.plant, LinearPlant)
-            and not self.stepping.record
-            and chosen_backend(self.settings.backend) == "numba"
-        )
+        return isinstance(self.plant, LinearPlant) and not self.stepping.record and self._backend == "numba"
+
+    @property
+    def _backend(self) -> str:
+        """What steps the plant: a model that follows the azimuth takes numpy, whatever was asked for."""
+        return chosen_backend(self.settings.backend) if isinstance(self.plant, LinearPlant) else "numpy"
 
     def get_ready(self) -> None:
         """Wait now for code that has to be compiled, and not at the first step."""
@@ -344,6 +345,8 @@ class Turbines:
         wind = to_plain(dataclasses.replace(self.settings.wind, gust=None))
         return {
             "model": self.plant.fingerprint,
+            # Two backends agree to round-off, not bit for bit.
+            "backend": self._backend,
             "num_envs": self.count,
             # The wind itself: a recording may have changed under its name, or have another.
             "gust": None if self._gust is None else fingerprint([self._gust.wind], [self._gust.before])[:16],

@@ -43,7 +43,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
 
     `gymnasium.make_vec("flapgym/NREL5MW-v1", num_envs=1024)` makes it. Environment i has its own generator:
     `reset(seed=s)` seeds it with s + i, a list gives one seed each. Reset options may be single values or have a
-    leading axis of environments. `info` holds one array a name, with the mask `_name` of Gymnasium beside it.
+    leading axis of environments. `info` holds one array a name, those of `full_info` always among them, with the mask
+    `_name` of Gymnasium beside it.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     render_mode : str, optional
         `"rgb_array"`: `render` gives a tuple of pictures, one a turbine. A window is `FlapEnv`'s alone.
     **keywords
-        Those of `FlapEnv`.
+        Those of `FlapEnv`; `wind={"turbulence_intensity": (0.05, 0.1, ...)}` may have one for each turbine.
     """
 
     _spec: EnvSpec | None = None
@@ -182,7 +183,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         return self._observation.copy(), _masked(info, mask)
 
     def step(self, actions: ArrayLike) -> Step:
-        """Advance every environment by one action (num_envs, 3)."""
+        """Advance every environment by one action (num_envs, blades F)."""
         if not self._started.all():
             raise ResetNeeded("step: call reset first")
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
@@ -295,7 +296,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
 
     def flap_motion(self) -> tuple[Array, Array]:
         """Angle and rate of every flap, (num_envs, blades F) each [rad, rad/s]."""
-        return self._turbines.plant.flap_motion()
+        angle, rate = self._turbines.plant.flap_motion()
+        return angle.copy(), rate.copy()
 
     def _show(
         self, info: Info, begun: NDArray[np.int64] = NO_TURBINES, turbines: NDArray[np.int64] | None = None

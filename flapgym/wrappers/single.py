@@ -1,7 +1,8 @@
 """Other actions for the same environments: target angles, and corrections to what an agent does.
 
     env = TargetAngle(gymnasium.make("flapgym/NREL5MW-v1"))
-    env = Residual(gymnasium.make("flapgym/NREL5MW-v1", observe=..., steps_per_action=1), "lqg", scale=0.3)
+    task = {"observe": ("rbm", "flap_angle", "flap_rate")}
+    env = Residual(gymnasium.make("flapgym/NREL5MW-v1", task=task, steps_per_action=1), "lqg", scale=0.3)
 
 The same for the vector environment stands in `flapgym.wrappers.vector`.
 """

@@ -14,7 +14,7 @@ from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.envs import FlapVectorEnv
 from tests.synthetic import synthetic_model
 
-KEYWORDS = {"duration": 0.7, "observe": ("rbm", "flap_angle", "flap_rate")}
+KEYWORDS = {"duration": 0.7, "task": {"observe": ("rbm", "flap_angle", "flap_rate")}}
 
 
 def _vector(count=2, mode="SameStep", **keywords):

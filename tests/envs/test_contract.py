@@ -10,7 +10,6 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
-from flapgym.envs.observation import QUANTITIES
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
@@ -18,11 +17,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import flapgym
-from flapgym.envs.settings import LIMITS
+from flapgym.envs.task import OBSERVABLES
 from tests.synthetic import synthetic_model
 
 ID = "flapgym/NREL5MW-v1"
-EVERYTHING = tuple(QUANTITIES)
+EVERYTHING = tuple(OBSERVABLES)
+SIZES = {"azimuth": 2, "tower_top": 2, "wind": 1}
+"""Entries of what is not one a blade."""
 
 
 def _make(model_file, **keywords):
@@ -44,7 +45,7 @@ def test_stable_baselines_checker_passes(model_file):
 
 
 def test_the_shipped_model_is_the_default():
-    env = gymnasium.make(ID)
+    env = gymnasium.make(ID, full_info=True)
     observation, info = env.reset(seed=0)
     assert observation.shape == (3,)
     assert observation.dtype == np.float32
@@ -108,7 +109,9 @@ def test_an_episode_lasts_its_duration_and_is_truncated(model_file):
 def test_only_a_state_that_is_not_finite_terminates(model_file):
     env = flapgym.envs.FlapEnv(model=model_file)
     env.reset(seed=0)
-    env._plant._responses.rows[:] = np.nan  # no action and no state an environment takes can do that
+    env._turbines.plant.episode.responses[:] = (
+        np.nan
+    )  # no action and no state an environment takes can do that
     _, _, terminated, truncated, _ = env.step(np.zeros(3))
     assert terminated
     assert not truncated
@@ -155,12 +158,17 @@ def test_observations_come_in_the_documented_order_units_and_bounds(model_file):
     ]
     np.testing.assert_allclose(observation, np.concatenate(expected), rtol=1e-6, atol=1e-7)
     assert env.observation_space.high[:6] == pytest.approx([50] * 3 + [np.deg2rad(10)] * 3)
-    for name, quantity in QUANTITIES.items():
-        assert f"| `{name}` | {quantity.size} | {quantity.unit} |" in (flapgym.envs.FlapEnv.__doc__ or "")
+    for name, quantity in OBSERVABLES.items():
+        assert f"| `{name}` | {SIZES.get(name, '3')} | {quantity.unit} |" in (
+            flapgym.envs.FlapEnv.__doc__ or ""
+        )
+        assert len(env.observed[name]) == SIZES.get(name, 3)
 
 
 def test_measurement_noise_touches_the_observation_only(model_file):
-    clean, noisy = (_make(model_file, sensors={"noise": level}).unwrapped for level in (0.0, 2e4))
+    clean, noisy = (
+        _make(model_file, sensors={"noise": level}, full_info=True).unwrapped for level in (0.0, 2e4)
+    )
     seen = []
     (start, _), (noisy_start, _) = (
         env.reset(seed=2, options={"realisation_seed": 4, "azimuth": 0.0}) for env in (clean, noisy)
@@ -185,7 +193,7 @@ def test_still_air_leaves_the_turbine_at_rest(model_file):
 
 
 def test_reset_options_set_wind_azimuth_and_flaps(model_file):
-    env = _make(model_file).unwrapped
+    env = _make(model_file, full_info=True).unwrapped
     options = {"realisation_seed": 9, "azimuth": 1.25, "flap_angle": 0.05, "flap_rate": [0.1, 0.0, -0.1]}
     _, first = env.reset(seed=1, options=options)
     _, second = env.reset(seed=2, options=options)
@@ -218,49 +226,59 @@ def test_impossible_reset_options_are_refused_by_name(model_file, options, name)
 @pytest.mark.parametrize(
     "keyword, value",
     [
-        ("turbulence_intensity", 10.0),
-        ("turbulence_intensity", -0.1),
-        ("length_scale", 0.0),
+        ("wind.turbulence_intensity", 10.0),
+        ("wind.turbulence_intensity", -0.1),
+        ("wind.length_scale", 0.0),
         ("duration", np.inf),
         ("duration", "20 s"),
-        ("measurement_noise", -1.0),
+        ("sensors.noise", -1.0),
         ("steps_per_action", 0),
         ("steps_per_action", 2.5),
-        ("observe", ()),
-        ("observe", ("rbm", "moment")),
-        ("observe", ("rbm", "rbm")),
-        ("observe", 5),
-        ("observe", [["rbm"]]),
-        ("tower_weight", -1.0),
-        ("tower_weight", 1e308),
-        ("flap_angle_weight", 1e308),
-        ("measurement_noise", 1e300),
-        ("measurement_noise", 10**400),
-        ("measurement_noise", np.complex64(1.0)),
-        ("length_scale", 1e-9),
-        ("length_scale", 1e300),
+        ("task.observe", ()),
+        ("task.observe", ("rbm", "moment")),
+        ("task.observe", ("rbm", "rbm")),
+        ("task.observe", 5),
+        ("task.observe", [["rbm"]]),
+        ("task.tower_weight", -1.0),
+        ("task.tower_weight", 1e308),
+        ("task.flap_angle_weight", 1e308),
+        ("sensors.noise", 1e300),
+        ("sensors.noise", 10**400),
+        ("sensors.noise", np.complex64(1.0)),
+        ("wind.length_scale", 1e-9),
+        ("wind.length_scale", 1e300),
         ("duration", 1e308),
-        ("actuator_lag", 1e300),
-        ("sensor_delay", 1e300),
+        ("actuators.lag", 1e300),
+        ("sensors.delay", 1e300),
         ("full_info", "yes"),
         ("record_samples", 2),
         ("render_mode", "ansi"),
         ("render_mode", []),
         ("render_mode", np.array(["human", "rgb_array"])),
-        ("kernel", np.array(["numba", "numpy"])),
+        ("backend", np.array(["numba", "numpy"])),
         ("precision", []),
-        ("observe", {"rbm", "flap_angle"}),
-        ("observe", {"rbm": 1}),
-        ("observe", b"rbm"),
-        ("stuck_flaps", {0.01, 0.02, None}),
-        ("flap_effectiveness", {0.1, 0.2, 0.3}),
-        ("turbulence_intensity", {0.1}),
-        ("realisation_pool", 10**12),
+        ("task.observe", {"rbm", "flap_angle"}),
+        ("task.observe", {"rbm": 1}),
+        ("task.observe", b"rbm"),
+        ("actuators.stuck", {0.01, 0.02, None}),
+        ("actuators.effectiveness", {0.1, 0.2, 0.3}),
+        ("wind.turbulence_intensity", {0.1}),
+        ("wind.pool", 10**12),
+        ("wind.turbulence_intensty", 0.1),
+        ("task.reward", 1.0),
+        ("wind", 0.1),
+        ("sensors", None),
+        ("single_blade", 1),
     ],
 )
-def test_impossible_keywords_are_refused_by_name(model_file, keyword, value):
-    with pytest.raises(ValueError, match=keyword):
-        flapgym.envs.FlapEnv(**{"model": model_file, keyword: value})
+def test_impossible_keywords_are_refused_in_one_line_that_begins_with_them(model_file, keyword, value):
+    family, *field = keyword.split(".")
+    with pytest.raises(ValueError) as refused:
+        flapgym.envs.FlapEnv(**{"model": model_file, family: {field[0]: value} if field else value})
+    line = str(refused.value)
+    assert line.startswith((f"{keyword}: expected", f"{keyword}: unknown key; "))
+    assert "\n" not in line
+    assert len(line) < 400
 
 
 def test_a_model_that_is_neither_name_nor_file_is_refused_by_name():
@@ -269,10 +287,8 @@ def test_a_model_that_is_neither_name_nor_file_is_refused_by_name():
 
 
 def test_an_unknown_keyword_is_refused_by_name(model_file):
-    with pytest.raises(
-        TypeError, match="argument 'turbulence_intensty'; did you mean 'turbulence_intensity'"
-    ):
-        _make(model_file, turbulence_intensty=0.1)
+    with pytest.raises(TypeError, match="argument 'steps_per_acton'; did you mean 'steps_per_action'"):
+        _make(model_file, steps_per_acton=5)
 
 
 @pytest.mark.parametrize("vector", [False, True])
@@ -301,12 +317,22 @@ def test_a_limit_of_steps_is_refused_with_what_to_give(model_file):
         flapgym.envs.FlapEnv(model=model_file, max_episode_steps=5)
 
 
-@pytest.mark.parametrize(
-    "keyword", ["length_scale", "measurement_noise", "flap_angle_weight", "tower_weight"]
-)
-def test_the_largest_and_least_numbers_give_finite_episodes(model_file, keyword):
-    for value in LIMITS[keyword][:2]:
-        env = flapgym.envs.FlapEnv(**{"model": model_file, "duration": 0.7, keyword: value})
+EXTREMES = {
+    "wind": ("length_scale", (1.0, 1e5)),
+    "sensors": ("noise", (0.0, 5e7)),
+    "task of angles": ("flap_angle_weight", (0.0, 1e6)),
+    "task of the tower": ("tower_weight", (0.0, 1e6)),
+}
+
+
+@pytest.mark.parametrize("what", EXTREMES)
+def test_the_largest_and_least_numbers_give_finite_episodes(model_file, what):
+    family, (name, values) = what.split()[0], EXTREMES[what]
+    beyond = values[1] * 1.01
+    with pytest.raises(ValueError, match=rf"^{family}\.{name}: expected .*, got"):
+        flapgym.envs.FlapEnv(**{"model": model_file, family: {name: beyond}})
+    for value in values:
+        env = flapgym.envs.FlapEnv(**{"model": model_file, "duration": 0.7, family: {name: value}})
         assert np.isfinite(env.reset(seed=0)[0]).all()
         for _ in range(20):
             observation, reward, terminated, _, _ = env.step(np.ones(3))
@@ -414,7 +440,7 @@ def _refused(shape):
 @settings(max_examples=60, deadline=None)
 @given(st.data(), st.sampled_from([None, "NextStep", "SameStep", "Disabled"]))
 def test_bad_actions_among_good_ones_change_nothing(data, mode):
-    keywords = {"model": synthetic_model(), "measurement_noise": 1e4}
+    keywords = {"model": synthetic_model(), "sensors": {"noise": 1e4}}
     env, twin = (
         flapgym.envs.FlapEnv(**keywords)
         if mode is None

@@ -23,11 +23,14 @@ def _settled(env, action=None):
 
 @pytest.mark.parametrize("cause", ["wind", "flap"])
 def test_more_wind_and_positive_flaps_raise_every_load_and_push_the_tower_top_to_the_right(cause):
-    keywords = {"turbulence_intensity": 0.0, "full_info": True, "duration": 120.0}
-    if cause == "wind":
-        env = FlapEnv(**keywords, wind={"gust": {"kind": "step", "size": 1.0}})
-    else:
-        env = FlapEnv(**keywords, actuators={"stuck": (3.0 * DEGREE,) * 3})
+    gust = {"kind": "step", "size": 1.0} if cause == "wind" else None
+    stuck = (None if cause == "wind" else 3.0 * DEGREE,) * 3
+    env = FlapEnv(
+        wind={"turbulence_intensity": 0.0, "gust": gust},
+        actuators={"stuck": stuck},
+        full_info=True,
+        duration=120.0,
+    )
     env.reset(seed=0)
     info = _settled(env)
     assert (info["rbm"] > 1e5).all()
@@ -38,7 +41,7 @@ def test_more_wind_and_positive_flaps_raise_every_load_and_push_the_tower_top_to
 
 
 def test_a_positive_action_moves_the_flap_to_more_lift():
-    env = FlapEnv(wind={"turbulence_intensity": 0.0})
+    env = FlapEnv(wind={"turbulence_intensity": 0.0}, full_info=True)
     env.reset(seed=0)
     for _ in range(14):  # by then the lift has overcome the blade's inertia
         *_, info = env.step([0.1, 0.0, 0.0])

@@ -19,14 +19,19 @@ ID = TURBINE_ID
 MODEL = synthetic_model()
 EVERY_NUMBER = {
     "wind_speed": np.float64(11.0),
-    "turbulence_intensity": np.float32(0.1),
-    "length_scale": np.float64(147.0),
+    "wind": {
+        "turbulence_intensity": np.float32(0.1),
+        "length_scale": np.float64(147.0),
+        "pool": np.int8(100),
+    },
     "duration": np.float16(2.0),
     "steps_per_action": np.int8(100),
-    "flap_effectiveness": np.array([1.0, 0.5, 1.0]),
-    "stuck_flaps": [None, np.float64(0.05), None],
-    "realisation_pool": np.int8(100),
-    "observe": np.array(["rbm", "flap_angle"]),
+    "actuators": {
+        "effectiveness": np.array([1.0, 0.5, 1.0]),
+        "stuck": [None, np.float64(0.05), None],
+    },
+    "task": {"observe": np.array(["rbm", "flap_angle"]), "tower_weight": np.float16(0.5)},
+    "sensors": {"noise": np.int16(100), "delay": np.float64(0.014)},
     "full_info": np.bool_(True),
 }
 

@@ -18,17 +18,21 @@ THROUGH = {
 }
 VARIANTS = {
     "plain": {},
-    "numpy": {"kernel": "numpy"},
+    "numpy": {"backend": "numpy"},
     "single precision": {"precision": "float32"},
-    "noise and lag": {"measurement_noise": 1e4, "actuator_lag": 0.05, "observe": ("rbm", "flap_angle")},
-    "pool": {"realisation_pool": 3},
-    "delay": {"sensor_delay": 0.014},
-    "gust": {"gust": {"kind": "step", "size": 1.0, "start": 0.2}},
+    "noise and lag": {
+        "sensors": {"noise": 1e4},
+        "actuators": {"lag": 0.05},
+        "task": {"observe": ("rbm", "flap_angle")},
+    },
+    "pool": {"wind": {"pool": 3}},
+    "delay": {"sensors": {"delay": 0.014}},
+    "gust": {"wind": {"gust": {"kind": "step", "size": 1.0, "start": 0.2}}},
 }
 
 
 def _keywords(variant):
-    return {"model": synthetic_model(), "duration": 0.7, **VARIANTS[variant]}
+    return {"model": synthetic_model(), "duration": 0.7, "full_info": True, **VARIANTS[variant]}
 
 
 def _assert_equal(got, expected):
@@ -81,9 +85,9 @@ def test_a_state_can_be_taken_again_and_again():
     "other, named",
     [
         ({"steps_per_action": 7}, "steps_per_action"),
-        ({"observe": ("rbm", "azimuth")}, "observe"),
+        ({"task": {"observe": ("rbm", "azimuth")}}, "task"),
         ({"model": synthetic_model(tower_coupling=0.5)}, "model"),
-        ({"kernel": "numpy"}, "kernel"),
+        ({"backend": "numpy"}, "backend"),
     ],
 )
 def test_a_state_of_another_environment_is_refused_by_name_and_changes_nothing(other, named):
@@ -228,11 +232,11 @@ def test_a_damaged_generator_is_refused(kind, damage):
         env.set_state(state)
 
 
-def test_a_late_environment_refuses_the_state_of_another_kernel():
-    env, stranger = (FlapEnv(**_keywords("delay"), backend=kernel) for kernel in ("numpy", "numba"))
+def test_a_late_environment_refuses_the_state_of_another_backend():
+    env, stranger = (FlapEnv(**_keywords("delay"), backend=backend) for backend in ("numpy", "numba"))
     for one in (env, stranger):
         one.reset(seed=1)
-    with pytest.raises(ValueError, match="kernel"):
+    with pytest.raises(ValueError, match="backend"):
         env.set_state(stranger.get_state())
 
 
@@ -255,7 +259,7 @@ def test_environments_of_a_process_share_their_pool_of_realisations():
         FlapEnv(**keywords),
         FlapVectorEnv(4, **keywords),
     )
-    assert one._plant._responses.rows is many._fleet.plant._responses.rows
+    assert one._turbines.plant.episode.responses is many._turbines.plant.episode.responses
     options = {"realisation_seed": 2, "azimuth": 0.0}
     _, expected = alone.reset(seed=0, options=options)
     for env in (one, many):
@@ -267,12 +271,12 @@ def test_environments_of_a_process_share_their_pool_of_realisations():
         one.reset(options={"realisation_seed": 3})
 
 
-@pytest.mark.parametrize("kernel", ["numpy", "numba"])
-def test_a_copy_shares_the_pool_of_realisations(kernel):
-    env = FlapEnv(**_keywords("pool"), backend=kernel)
+@pytest.mark.parametrize("backend", ["numpy", "numba"])
+def test_a_copy_shares_the_pool_of_realisations(backend):
+    env = FlapEnv(**_keywords("pool"), backend=backend)
     env.reset(seed=0, options={"realisation_seed": 0})
     twin = copy.deepcopy(env)
-    assert twin._plant._responses.rows is env._plant._responses.rows
+    assert twin._turbines.plant.episode.responses is env._turbines.plant.episode.responses
     for one in (env, twin):  # a realisation that neither had when it was copied
         one.reset(seed=1, options={"realisation_seed": 2})
     _assert_equal(twin.step(np.ones(3)), env.step(np.ones(3)))

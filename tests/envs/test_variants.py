@@ -8,14 +8,14 @@ from dataclasses import fields
 import gymnasium
 import numpy as np
 import pytest
-from flapgym.envs.blade import BladeEnv, BladeVectorEnv
 from gymnasium.envs.registration import EnvSpec
 
 from flapgym.adapters.sb3 import FlapVecEnv
 from flapgym.envs import FlapEnv, FlapVectorEnv
-from flapgym.envs.settings import Settings
+from flapgym.envs.settings import Actuators, Sensors, Settings
+from flapgym.envs.task import Task
 from flapgym.model import load_model
-from flapgym.wind import gust_of
+from flapgym.wind import Wind, gust_of
 from flapgym.wind.gusts import GUSTS
 from tests.synthetic import synthetic_blade, synthetic_model
 
@@ -37,7 +37,7 @@ def _series(env, actions, options=START):
 
 
 def _env(cls=FlapEnv, **keywords):
-    return cls(model=synthetic_model(), record_samples=True, **keywords)
+    return cls(model=synthetic_model(), record_samples=True, full_info=True, **keywords)
 
 
 def _actions(count=100, flaps=3):
@@ -65,6 +65,7 @@ def test_a_recorded_gust_is_made_again_from_json(tmp_path):
         "flapgym/NREL5MW-v1",
         wind={"gust": {"kind": "recorded", "file": str(path)}, "turbulence_intensity": 0.0},
         duration=5.0,
+        full_info=True,
     )
     again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
     (_, first), (_, other) = env.reset(seed=0), again.reset(seed=0)
@@ -128,7 +129,9 @@ def test_a_stuck_flap_has_been_so_for_long():
 
 
 def test_the_single_blade_is_the_models_blade():
-    env = _env(BladeEnv, task={"observe": ("rbm", "flap_angle", "flap_rate", "tip_deflection", "wind")})
+    env = _env(
+        single_blade=True, task={"observe": ("rbm", "flap_angle", "flap_rate", "tip_deflection", "wind")}
+    )
     actions = _actions(100, 1)
     still, wind, _ = _series(env, 0.0 * actions)
     rbm, same_wind, angle = _series(env, actions)
@@ -144,7 +147,9 @@ def test_the_single_blade_is_the_models_blade():
 
 def test_the_single_blade_is_rewarded_by_its_own_open_loop_rms():
     model = load_model()
-    env = BladeVectorEnv(64, model=model, record_samples=True, duration=60.0, steps_per_action=10)
+    env = FlapVectorEnv(
+        64, single_blade=True, model=model, record_samples=True, duration=60.0, steps_per_action=10
+    )
     env.reset(seed=1)
     rewards, squares = [], []
     for _ in range(850):
@@ -156,15 +161,19 @@ def test_the_single_blade_is_rewarded_by_its_own_open_loop_rms():
 
 
 def test_the_single_blade_refuses_what_only_a_turbine_has():
-    for keyword in ({"observe": ("rbm", "azimuth")}, {"observe": ("tower_top",)}, {"tower_weight": 1.0}):
+    for task in ({"observe": ("rbm", "azimuth")}, {"observe": ("tower_top",)}, {"tower_weight": 1.0}):
         with pytest.raises(ValueError, match="single blade"):
-            _env(BladeEnv, **keyword)
+            _env(single_blade=True, task=task)
     with pytest.raises(ValueError, match="one blade already"):
-        FlapVecEnv(BladeVectorEnv(2, autoreset_mode="SameStep", model=synthetic_model()), per_blade=True)
+        FlapVecEnv(_blades(), per_blade=True)
+
+
+def _blades(**keywords):
+    return FlapVectorEnv(2, autoreset_mode="SameStep", model=synthetic_model(), single_blade=True, **keywords)
 
 
 def test_stable_baselines_takes_the_single_blade():
-    env = FlapVecEnv(BladeVectorEnv(2, autoreset_mode="SameStep", model=synthetic_model(), duration=0.7))
+    env = FlapVecEnv(_blades(duration=0.7))
     assert env.reset().shape == (2, 1)
     for _ in range(20):
         observation, _, dones, _ = env.step(np.zeros((2, 1), dtype=np.float32))
@@ -175,21 +184,21 @@ def test_stable_baselines_takes_the_single_blade():
 @pytest.mark.parametrize(
     "keywords, message",
     [
-        ({"gust": {"kind": "hurricane"}}, "gust.kind"),
-        ({"gust": {"kind": "recorded", "file": "nowhere.csv"}}, "nowhere.csv"),
-        ({"gust": GUST, "realisation_pool": 4}, "realisation_pool"),
+        ({"wind": {"gust": {"kind": "hurricane"}}}, "gust.kind"),
+        ({"wind": {"gust": {"kind": "recorded", "file": "nowhere.csv"}}}, "nowhere.csv"),
+        ({"wind": {"gust": GUST, "pool": 4}}, "wind.pool: expected 0 beside a gust, .*got 4"),
         (
-            {"sensor_delay": 0.01},
-            "sensor_delay: expected a multiple of the time step 0.007 s, such as 0.007 s",
+            {"sensors": {"delay": 0.01}},
+            "sensors.delay: expected a multiple of the time step 0.007 s, such as 0.007 s",
         ),
-        ({"sensor_delay": -0.007}, "sensor_delay"),
-        ({"actuator_lag": float("nan")}, "actuator_lag"),
-        ({"stuck_flaps": [0.0, None]}, "stuck_flaps: expected three"),
-        ({"stuck_flaps": [None, 0.3, None]}, "stuck_flaps: expected angles within"),
-        ({"stuck_flaps": [None, "jammed", None]}, "stuck_flaps"),
-        ({"flap_effectiveness": [1.0, None, 1.0]}, "flap_effectiveness"),
-        ({"flap_effectiveness": [1.0, -0.5, 1.0]}, "flap_effectiveness: expected factors from 0"),
-        ({"flap_effectiveness": 0.5}, "flap_effectiveness: expected three"),
+        ({"sensors": {"delay": -0.007}}, "sensors.delay: expected"),
+        ({"actuators": {"lag": float("nan")}}, "actuators.lag: expected"),
+        ({"actuators": {"stuck": [0.0, None]}}, "actuators.stuck: expected 3"),
+        ({"actuators": {"stuck": [None, 0.3, None]}}, "actuators.stuck: expected angles within .* got 0.3"),
+        ({"actuators": {"stuck": [None, "jammed", None]}}, "actuators.stuck"),
+        ({"actuators": {"effectiveness": [1.0, None, 1.0]}}, "actuators.effectiveness"),
+        ({"actuators": {"effectiveness": [1.0, -0.5, 1.0]}}, "actuators.effectiveness"),
+        ({"actuators": {"effectiveness": 0.5}}, "actuators.effectiveness: expected"),
     ],
 )
 def test_impossible_keywords_are_refused_by_name(keywords, message):
@@ -206,12 +215,9 @@ def test_a_recording_that_ends_early_is_refused_before_the_first_episode(tmp_pat
 
 def test_the_faults_of_one_are_those_of_many():
     keywords = {
-        "sensor_delay": 0.021,
-        "measurement_noise": 1e4,
-        "actuator_lag": 0.05,
-        "stuck_flaps": [None, None, 0.03],
-        "flap_effectiveness": [0.6, 1.0, 1.0],
-        "gust": GUST,
+        "sensors": {"delay": 0.021, "noise": 1e4},
+        "actuators": {"lag": 0.05, "stuck": [None, None, 0.03], "effectiveness": [0.6, 1.0, 1.0]},
+        "wind": {"gust": GUST},
         "duration": 2.0,
     }
     many = FlapVectorEnv(3, model=synthetic_model(), **keywords)
@@ -230,7 +236,7 @@ def test_the_faults_of_one_are_those_of_many():
 
 
 def test_a_state_of_late_moments_survives_json():
-    keywords = {"model": synthetic_model(), "sensor_delay": 0.049, "measurement_noise": 1e4}
+    keywords = {"model": synthetic_model(), "sensors": {"delay": 0.049, "noise": 1e4}}
     env, twin = FlapEnv(**keywords), FlapEnv(**keywords)
     env.reset(seed=1)
     for action in _actions(20):
@@ -267,7 +273,12 @@ def test_a_state_belongs_to_a_wind_whatever_it_is_called(tmp_path):
 def test_every_keyword_stands_in_the_manual():
     manual = FlapEnv.__doc__ or ""
     arguments = manual[manual.index("## Arguments") : manual.index("## Gusts")]
+    families = {"wind": Wind, "task": Task, "actuators": Actuators, "sensors": Sensors}
     for field in fields(Settings):
-        assert f"`{field.name}`" in arguments, field.name
+        within = (
+            [f".{part.name}" for part in fields(families[field.name])] if field.name in families else [""]
+        )
+        for part in within:
+            assert f"`{field.name}{part}`" in arguments, field.name + part
     for kind in GUSTS:
         assert f'| `"{kind}"` |' in manual

@@ -12,11 +12,10 @@ from tests.synthetic import synthetic_model
 
 KEYWORDS = {
     "duration": 0.7,
-    "observe": ("rbm", "flap_angle", "azimuth"),
-    "measurement_noise": 1e4,
+    "task": {"observe": ("rbm", "flap_angle", "azimuth"), "flap_angle_weight": 0.1},
+    "sensors": {"noise": 1e4},
     "record_samples": True,
     "full_info": True,
-    "flap_angle_weight": 0.1,
 }
 STEPS = 60  # three episodes of 20 actions
 

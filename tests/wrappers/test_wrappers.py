@@ -8,7 +8,6 @@ import json
 import gymnasium
 import numpy as np
 import pytest
-from flapgym.envs.blade import BladeEnv, BladeVectorEnv
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
@@ -28,7 +27,11 @@ from tests.synthetic import synthetic_model
 
 DEGREE = np.pi / 180.0
 SERVO = Servo(600.0 * DEGREE, 100.0 * DEGREE, 10.0 * DEGREE, 0.035)
-FULL = {"observe": ("azimuth", "rbm", "flap_angle", "flap_rate"), "steps_per_action": 1, "duration": 0.7}
+FULL = {
+    "task": {"observe": ("azimuth", "rbm", "flap_angle", "flap_rate")},
+    "steps_per_action": 1,
+    "duration": 0.7,
+}
 
 
 def _run(angle, rate, target, steps):
@@ -90,7 +93,9 @@ def test_target_angles_are_reached_without_overshoot_through_a_lag(steps_per_act
 @pytest.mark.parametrize("steps_per_action", [1, 5])
 def test_target_angles_are_reached_and_held(model_file, steps_per_action):
     env = TargetAngle(
-        gymnasium.make("flapgym/NREL5MW-v1", model=model_file, steps_per_action=steps_per_action)
+        gymnasium.make(
+            "flapgym/NREL5MW-v1", model=model_file, steps_per_action=steps_per_action, full_info=True
+        )
     )
     env.reset(seed=0, options={"flap_angle": [0.1, 0.0, -0.05], "flap_rate": [0.0, 0.5, 0.0]})
     action = np.array([0.5, -1.0, 0.8], dtype=np.float32)
@@ -291,9 +296,14 @@ def test_a_bad_action_is_refused_and_leaves_the_state_untouched(model_file, whic
 def test_agents_that_treat_each_blade_alone_act_on_one_as_on_each_of_three(name):
     model = load_model()
     agent = load_agent(name, model)
-    keywords = {"model": model, "observe": agent.observe, "steps_per_action": agent.steps_per_action}
-    env = Residual(BladeEnv(**keywords), name)
-    many = VectorResidual(BladeVectorEnv(2, **keywords), agent)
+    keywords = {
+        "model": model,
+        "single_blade": True,
+        "task": {"observe": agent.observe},
+        "steps_per_action": agent.steps_per_action,
+    }
+    env = Residual(FlapEnv(**keywords), name)
+    many = VectorResidual(FlapVectorEnv(2, **keywords), agent)
     observation, _ = env.reset(seed=5)
     many.reset(seed=5)
     state = None
@@ -319,10 +329,10 @@ class _Known:
 
 @pytest.mark.parametrize("vector", [False, True])
 def test_agents_that_need_three_blades_are_refused_for_one(vector):
-    cls, wrap = (BladeVectorEnv, VectorResidual) if vector else (BladeEnv, Residual)
+    cls, wrap = (FlapVectorEnv, VectorResidual) if vector else (FlapEnv, Residual)
 
     def env(steps, *observe):
-        return cls(model=load_model(), observe=observe, steps_per_action=steps)
+        return cls(model=load_model(), single_blade=True, task={"observe": observe}, steps_per_action=steps)
 
     motion = ("rbm", "flap_angle", "flap_rate")
     for name in ("individual_flap", "lqg_multiblade_saturating"):
@@ -355,7 +365,7 @@ def test_what_is_no_agent_is_refused():
 def test_what_does_not_fit_is_refused_with_what_to_write_instead():
     model = synthetic_model()
     with pytest.raises(
-        ValueError, match=r"observes flap_angle.*observe=\('rbm', 'flap_angle', 'flap_rate'\)"
+        ValueError, match=r"observes flap_angle.*task={\"observe\": \('rbm', 'flap_angle', 'flap_rate'\)}"
     ):
         Residual(FlapEnv(model=model, steps_per_action=1), "pd")
     with pytest.raises(ValueError, match="make it with steps_per_action=1"):
@@ -372,7 +382,7 @@ def test_what_does_not_fit_is_refused_with_what_to_write_instead():
 @pytest.mark.parametrize("which", ["target", "residual"])
 def test_vector_wrappers_do_what_the_single_ones_do(mode, which):
     model, count = synthetic_model(), 3
-    keywords = FULL | {"actuator_lag": 0.05}
+    keywords = FULL | {"actuators": {"lag": 0.05}}
     native = FlapVectorEnv(count, autoreset_mode=mode, model=model, **keywords)
     wraps = {
         "target": (VectorTargetAngle, TargetAngle),
@@ -412,7 +422,7 @@ def test_vector_wrappers_do_what_the_single_ones_do(mode, which):
 
 
 def test_stable_baselines_takes_a_wrapped_vector_environment():
-    keywords = dict(FULL, observe=("rbm", "flap_angle", "flap_rate"))
+    keywords = dict(FULL, task={"observe": ("rbm", "flap_angle", "flap_rate")})
     native = FlapVectorEnv(2, autoreset_mode="SameStep", model=synthetic_model(), **keywords)
     env = FlapVecEnv(VectorTargetAngle(native), per_blade=True)
     assert env.reset().shape == (6, 3)

@@ -36,7 +36,7 @@ def optima() -> tuple[Array, Array]:
     seen: list[Array] = []
     solve = agent.within
 
-    def noted(action: float, rows: Array, rate: float) -> float:
+    def noted(action: Array, rows: Array, rate: Array) -> Array:
         seen.append(rows.copy())
         return solve(action, rows, rate)
 

@@ -273,7 +273,7 @@ class Study:
             spent: list[float] = []
             solve = agent.within
 
-            def timed(action: float, rows: Array, rate: float) -> float:
+            def timed(action: Array, rows: Array, rate: Array) -> Array:
                 begin = time.perf_counter()
                 found = solve(action, rows, rate)
                 spent.append(time.perf_counter() - begin)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from flapgym.core.files import check_plain
 from flapgym.core.wording import shown
 from flapgym.model.record import Flutter, Record
 from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, flap_names, turbine_inputs, turbine_outputs
-
-if TYPE_CHECKING:
-    from flapgym.model.turbine_model import TurbineModel
 
 RANGES = {
     "wind_speed": (0.1, 200.0, "m/s"),
@@ -78,7 +75,7 @@ def check_tensors(tensors: Mapping[str, Array]) -> None:
             raise ValueError(f"{shown(name)}: expected finite numbers below {LARGEST_ENTRY:g}, got others")
 
 
-def check_model(model: TurbineModel) -> None:
+def check_model(model: Any) -> None:
     """Refuse a model that no plant could step, or whose loads grow by themselves; raises as `check_header`."""
     for name, (low, high, unit) in RANGES.items():
         _check_number(getattr(model, name), name, low, high, unit)
@@ -106,13 +103,13 @@ def check_model(model: TurbineModel) -> None:
     _check_periodic(model)
 
 
-def _told(model: TurbineModel) -> tuple[str, ...]:
+def _told(model: Any) -> tuple[str, ...]:
     """The turbine's outputs as they must be: those of every model, then any further ones."""
     own = turbine_outputs()
     return own + model.turbine.outputs[len(own) :]
 
 
-def _check_flaps(model: TurbineModel) -> None:
+def _check_flaps(model: Any) -> None:
     """Refuse flaps that are not named in order, or whose limits lie out of range."""
     if not model.flaps:
         raise ValueError("flaps: expected one or more flaps, got none")
@@ -148,7 +145,7 @@ def _check_limits(limits: Mapping[str, Any], names: Collection[str]) -> None:
         _check_number(limits[limit], name, low, high, unit)
 
 
-def _check_periodic(model: TurbineModel) -> None:
+def _check_periodic(model: Any) -> None:
     """Refuse a periodic part that does not fit the turbine it belongs to."""
     part = model.periodic
     if part is None:

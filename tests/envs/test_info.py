@@ -80,8 +80,6 @@ def test_recorded_samples_are_told_also_without_arrays(backend):
     first, last = _told(env)
     assert set(first) == NUMBERS
     assert set(last) == NUMBERS | TERMS | {"samples"}
-    shapes = dict.fromkeys(
-        ("rbm", "tip_deflection", "flap_angle", "flap_rate"), (5, 3)
-    )
+    shapes = dict.fromkeys(("rbm", "tip_deflection", "flap_angle", "flap_rate"), (5, 3))
     shapes |= dict.fromkeys(("tower_fore_aft", "tower_side_side", "wind"), (5,))
     assert {name: part.shape for name, part in last["samples"].items()} == shapes

@@ -18,8 +18,8 @@ MODEL = synthetic_model()
 STOPS = MODEL.flaps[0]
 GENTLE = Weights(0.05)
 FIERCE = Weights(30.0, 1.0, 1.0, 0.05)
-QUICK = Weights(30.0, 1.0, 1e-5, 0.05)
-"""Acceleration weighs so little that the offsets of a blade's flaps are coupled and unequal in what they cost."""
+QUICK = Weights(30.0, 1.0, 0.01, 0.05)
+"""Acceleration weighs so little that offsets of a blade's flaps cost unequally, and together other than alone."""
 STEPS = 25
 ONES = (1,) * STEPS
 
@@ -87,8 +87,7 @@ def _case(preview, flaps, weights, size, monkeypatch):
 @pytest.mark.parametrize(("flaps", "weights"), [(1, FIERCE), (3, FIERCE), (3, QUICK)])
 @pytest.mark.parametrize("preview", [0, 10])
 def test_free_of_stops_the_optimum_written_out_is_the_regulators(preview, flaps, weights, monkeypatch):
-    size = 0.02 if weights is FIERCE else 1e-4
-    horizon, z, w, design = _case(preview, flaps, weights, size, monkeypatch)
+    horizon, z, w, design = _case(preview, flaps, weights, 0.02, monkeypatch)
     rows, rights, _, _ = _by_hand(design, weights, z, w)
     action, offset = _first_action(horizon, z, w)
     assert offset == 0.0
@@ -98,7 +97,9 @@ def test_free_of_stops_the_optimum_written_out_is_the_regulators(preview, flaps,
 @pytest.mark.parametrize(("flaps", "weights"), [(1, FIERCE), (3, FIERCE), (3, QUICK)])
 @pytest.mark.parametrize("preview", [0, 10])
 def test_at_the_stops_the_condensed_optimum_is_the_one_written_out(preview, flaps, weights, monkeypatch):
-    horizon, z, w, design = _case(preview, flaps, weights, 1.5, monkeypatch)
+    # Where the first accelerations of some flaps are free, their shares of what others cannot do show.
+    size = 1.5 if weights is FIERCE else 0.3
+    horizon, z, w, design = _case(preview, flaps, weights, size, monkeypatch)
     rows, rights, limits, bounds = _by_hand(design, weights, z, w)
     solved = minimize(
         lambda u: 0.5 * np.sum((rows @ u - rights) ** 2),

@@ -18,6 +18,8 @@ MODEL = synthetic_model()
 STOPS = MODEL.flaps[0]
 GENTLE = Weights(0.05)
 FIERCE = Weights(30.0, 1.0, 1.0, 0.05)
+QUICK = Weights(30.0, 1.0, 0.01, 0.05)
+"""Acceleration weighs so little that offsets of a blade's flaps cost unequally, and together other than alone."""
 STEPS = 25
 ONES = (1,) * STEPS
 
@@ -25,26 +27,32 @@ ONES = (1,) * STEPS
 def _by_hand(design, weights, z, w):
     """The finite-horizon problem in all accelerations u: cost |rows u - rights|^2, stops |bounds + limits u| <= 1.
 
-    Nothing of the regulator's law enters but its Riccati matrix as terminal cost.
+    Nothing of the regulator's law enters but its Riccati matrix as terminal cost. Of several flaps the mean counts.
     """
     a, b, c = with_actuator(design)
     _, terminal = regulator_gain(design, weights)
-    n = a.shape[0]
-    drive = np.concatenate([design.G[:, 0], np.zeros(2)])
+    n, flaps = a.shape[0], design.channels.flaps
+    drive = np.concatenate([design.G[:, 0], np.zeros(2 * flaps)])
     root = np.linalg.cholesky(terminal + 1e-12 * np.trace(terminal) * np.eye(n)).T
-    free, forced = z.copy(), np.zeros((n, STEPS))
+    free, forced = z.copy(), np.zeros((n, STEPS * flaps))
     rows, rights, limits, bounds = [], [], [], []
+    priced = [
+        (weights.rbm, c[0]),
+        *((weights.flap_angle / flaps, np.eye(n)[n - 2 * flaps + i]) for i in range(flaps)),
+    ]
     for k in range(STEPS):
-        for weight, row in ((weights.rbm, c[0]), (weights.flap_angle, np.eye(n)[-2])):
+        for weight, row in priced:
             rows.append(np.sqrt(weight) * row @ forced)
             rights.append(-np.sqrt(weight) * row @ free)
-        rows.append(np.sqrt(weights.acceleration) * np.eye(STEPS)[k])
-        rights.append(0.0)
+        rows += list(
+            np.sqrt(weights.acceleration / flaps) * np.eye(STEPS * flaps)[k * flaps : (k + 1) * flaps]
+        )
+        rights += [0.0] * flaps
         free = a @ free + drive * (w[k] if k < w.size else 0.0)
         forced = a @ forced
-        forced[:, k] += b[:, 0]
-        limits += [forced[-2], forced[-1]]
-        bounds += [free[-2], free[-1]]
+        forced[:, k * flaps : (k + 1) * flaps] += b
+        limits += list(forced[-2 * flaps :])
+        bounds += list(free[-2 * flaps :])
     rows, rights = np.vstack([np.array(rows), root @ forced]), np.concatenate([rights, -root @ free])
     return rows, rights, np.array(limits), np.array(bounds)
 
@@ -53,7 +61,7 @@ def _first_action(horizon, z, w):
     import daqp
 
     p = horizon.from_state @ z + horizon.from_wind @ w
-    blocks = horizon.from_offsets.shape[1]
+    blocks, flaps = horizon.from_offsets.shape[1], len(horizon.gain)
     d, _, flag, _ = daqp.solve(
         np.eye(blocks),
         np.zeros(blocks),
@@ -63,37 +71,41 @@ def _first_action(horizon, z, w):
         np.zeros(p.size, dtype=np.int32),
     )
     assert flag == 1
-    (action,) = -horizon.gain @ z + horizon.preview_gain @ w + horizon.first_offset @ d[:1]
+    action = -horizon.gain @ z + horizon.preview_gain @ w + horizon.first_offset @ d[:flaps]
     return action, np.abs(d).max()
 
 
-def _case(preview, size, monkeypatch):
+def _case(preview, flaps, weights, size, monkeypatch):
     """A programme with every step's stops and offsets, and a state and coming wind to solve it for."""
     monkeypatch.setattr("flapgym.control.horizon.CONSTRAINED", ((STEPS, 1),))
-    design = design_model(MODEL)
+    design = design_model(synthetic_model(flaps=flaps))
     rng = np.random.default_rng(3)
-    z = size * np.concatenate([rng.standard_normal(design.A.shape[0]), [0.2, 0.15]])
-    return condense(design, FIERCE, preview, ONES), z, size * rng.standard_normal(preview), design
+    z = size * np.concatenate([rng.standard_normal(design.A.shape[0]), [0.2] * flaps, [0.15] * flaps])
+    return condense(design, weights, preview, ONES), z, size * rng.standard_normal(preview), design
 
 
+@pytest.mark.parametrize(("flaps", "weights"), [(1, FIERCE), (3, FIERCE), (3, QUICK)])
 @pytest.mark.parametrize("preview", [0, 10])
-def test_free_of_stops_the_optimum_written_out_is_the_regulators(preview, monkeypatch):
-    horizon, z, w, design = _case(preview, 0.02, monkeypatch)
-    rows, rights, _, _ = _by_hand(design, FIERCE, z, w)
+def test_free_of_stops_the_optimum_written_out_is_the_regulators(preview, flaps, weights, monkeypatch):
+    horizon, z, w, design = _case(preview, flaps, weights, 0.02, monkeypatch)
+    rows, rights, _, _ = _by_hand(design, weights, z, w)
     action, offset = _first_action(horizon, z, w)
     assert offset == 0.0
-    assert action == pytest.approx(np.linalg.lstsq(rows, rights)[0][0], rel=1e-6)
+    np.testing.assert_allclose(action, np.linalg.lstsq(rows, rights)[0][:flaps], rtol=1e-6)
 
 
+@pytest.mark.parametrize(("flaps", "weights"), [(1, FIERCE), (3, FIERCE), (3, QUICK)])
 @pytest.mark.parametrize("preview", [0, 10])
-def test_at_the_stops_the_condensed_optimum_is_the_one_written_out(preview, monkeypatch):
-    horizon, z, w, design = _case(preview, 1.5, monkeypatch)
-    rows, rights, limits, bounds = _by_hand(design, FIERCE, z, w)
+def test_at_the_stops_the_condensed_optimum_is_the_one_written_out(preview, flaps, weights, monkeypatch):
+    # Where the first accelerations of some flaps are free, their shares of what others cannot do show.
+    size = 1.5 if weights is FIERCE else 0.3
+    horizon, z, w, design = _case(preview, flaps, weights, size, monkeypatch)
+    rows, rights, limits, bounds = _by_hand(design, weights, z, w)
     solved = minimize(
         lambda u: 0.5 * np.sum((rows @ u - rights) ** 2),
         lsq_linear(rows, rights, (-1.0, 1.0)).x,
         jac=lambda u: rows.T @ (rows @ u - rights),
-        bounds=[(-1.0, 1.0)] * STEPS,
+        bounds=[(-1.0, 1.0)] * (STEPS * flaps),
         constraints=[
             {"type": "ineq", "fun": lambda u: 1.0 - bounds - limits @ u, "jac": lambda u: -limits},
             {"type": "ineq", "fun": lambda u: 1.0 + bounds + limits @ u, "jac": lambda u: limits},
@@ -103,7 +115,7 @@ def test_at_the_stops_the_condensed_optimum_is_the_one_written_out(preview, monk
     )
     action, offset = _first_action(horizon, z, w)
     assert offset > 0.1
-    assert action == pytest.approx(solved.x[0], abs=1e-4)
+    np.testing.assert_allclose(action, solved.x[:flaps], atol=1e-4)
 
 
 def test_without_a_stop_in_sight_it_is_the_lqg_for_any_horizon_and_blocks():

@@ -20,7 +20,10 @@ from flapgym.plant.backends.numba import (
     OPTIONS,
     WHOLE,
     Sizes,
+    add_inputs,
     advance,
+    begin,
+    decayed,
     kept,
     last_size,
     read_modes,
@@ -125,31 +128,35 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
             both[m] = own[modes_at + m]
         read_modes(matrix, 1, both[: s.modes], rows)
         told = after[told_at:]
+        flaps = after[flaps_at:modes_at]
+        # No samples are wanted, so any array will do for them.
+        cosine, sine, square, met = begin(s, limits, own[3], elapsed, action, flaps, work, inputs, feed)
+        modes[:] = 0.0
+        add_inputs(matrix, 1 + s.rows, inputs, 0, s.given, modes)
+        decayed(matrix[0].reshape((2, half)), parts, 0, parts, 2)
         angle_square = advance(
             s,
             limits,
-            matrix[0].reshape((2, half)),
             matrix,
             1 + s.rows,
             feed,
             own[3],
+            cosine,
+            sine,
+            square,
+            met,
             wind,
             own[2],
             elapsed,
-            parts,
-            0,
-            parts,
-            2,
             modes,
-            action,
-            after[flaps_at:modes_at],
+            flaps,
             rows,
             work,
             inputs,
+            inputs[s.given :],
             told,
             told[size:],
             fixed_square,
-            # No samples are wanted, so any array will do.
             feed,
         )
         after[0] = elapsed + 1.0

@@ -188,7 +188,7 @@ def read_modes(matrix, first, modes, result):  # type: ignore[no-untyped-def]
 
 @njit(**OPTIONS)
 def decayed(decay, parts, before, after_parts, after):  # type: ignore[no-untyped-def]
-    """What an interval leaves of the modes; next to nothing becomes nothing.
+    """Add what an interval leaves of the modes; next to nothing becomes nothing.
 
     What flaps at rest leave in the modes would decay to denormal numbers, which take ten times as long.
 
@@ -196,14 +196,15 @@ def decayed(decay, parts, before, after_parts, after):  # type: ignore[no-untype
     ----------
     decay : (2, M) float
     parts, after_parts : (2 n, M) float
-        Real and imaginary parts of turbines in turn; the latter are filled.
+        Real and imaginary parts of turbines in turn; to the latter is added.
     before, after : int
         Where those of the turbine begin.
     """
     nothing = parts.dtype.type(0.0)
     for m in range(decay.shape[1]):
         real, imaginary, along, across = decay[0, m], decay[1, m], parts[before, m], parts[before + 1, m]
-        first, second = real * along - imaginary * across, real * across + imaginary * along
+        first = after_parts[after, m] + (real * along - imaginary * across)
+        second = after_parts[after + 1, m] + (real * across + imaginary * along)
         after_parts[after, m] = nothing if abs(first) < NEXT_TO_NOTHING else first
         after_parts[after + 1, m] = nothing if abs(second) < NEXT_TO_NOTHING else second
 
@@ -284,63 +285,13 @@ def record_flaps(s, limits, action, flaps, samples):  # type: ignore[no-untyped-
 
 
 @njit(**OPTIONS)
-def advance(  # type: ignore[no-untyped-def]
-    s,
-    limits,
-    decay,
-    push,
-    first_push,
-    feed,
-    azimuth,
-    wind,
-    level,
-    elapsed,
-    parts,
-    before,
-    after_parts,
-    after,
-    modes,
-    action,
-    flaps,
-    rows,
-    work,
-    inputs,
-    last,
-    rbm_square,
-    fixed_square,
-    samples,
-):
-    """The step of one turbine whose modes are read already. Returns the mean square of its flap angles.
+def begin(s, limits, azimuth, elapsed, action, flaps, work, inputs, samples):  # type: ignore[no-untyped-def]
+    """Flaps of one turbine; of `inputs`, the Q of motion that is free of stops. The rest is as of `advance`.
 
-    Parameters
-    ----------
-    s : Sizes
-    limits : (4 blades F,) float
-        As of `move`.
-    decay, push, feed : float
-        Of the parameters; `push` begins at row `first_push`.
-    azimuth, level, elapsed : float, float, int
-        At the reset, of the wind's response, actions since the reset.
-    wind : (rows + kept,) float
-        That response.
-    parts, before, after_parts, after
-        Modes before and after the step, as of `decayed`.
-    modes : (2 M,) float
-        Those after the step, the same numbers.
-    action : (blades F,) float
-    flaps : (4 blades F,) float
-        Changed.
-    rows : (rows,) float
-        What the modes make of the rows; changed.
-    work : float
-        As of `move`.
-    inputs : (Q + 6 F,) float
-        To work in.
-    last, rbm_square, fixed_square, samples : float
-        Of this turbine's loads; filled.
+    Returns cosine and sine of the azimuth at the start, the sum of squared angles, and whether a stop was met.
     """
-    k, count, each = s.steps, s.blades * s.flaps, BLADES * s.flaps
-    angle = azimuth + s.turn * k * elapsed
+    count, each = s.blades * s.flaps, BLADES * s.flaps
+    angle = azimuth + s.turn * s.steps * elapsed
     cosine, sine = math.cos(angle), math.sin(angle)
     components(s, limits, flaps, 0, cosine, sine, inputs, 0)
     components(s, limits, flaps, count, cosine, sine, inputs, each)
@@ -350,9 +301,66 @@ def advance(  # type: ignore[no-untyped-def]
         record_flaps(s, limits, action, flaps, samples)
     square, met = move(s, limits, action, flaps, work)
     components(s, limits, work, 0, cosine, sine, inputs, 2 * each)
-    decayed(decay, parts, before, after_parts, after)
-    add_inputs(push, first_push, inputs, 0, s.given, modes)
-    add_inputs(feed, 0, inputs, 0, s.given, rows)
+    return cosine, sine, square, met
+
+
+@njit(**OPTIONS)
+def advance(  # type: ignore[no-untyped-def]
+    s,
+    limits,
+    push,
+    first_push,
+    feed,
+    azimuth,
+    cosine,
+    sine,
+    square,
+    met,
+    wind,
+    level,
+    elapsed,
+    modes,
+    flaps,
+    rows,
+    work,
+    given,
+    inputs,
+    last,
+    rbm_square,
+    fixed_square,
+    samples,
+):
+    """What follows `begin` and the modes' own motion. Returns the mean square of the flap angles.
+
+    Parameters
+    ----------
+    s : Sizes
+    limits : (4 blades F,) float
+        As of `move`.
+    push, feed : float
+        Of the parameters; `push` begins at row `first_push`.
+    azimuth, level, elapsed : float, float, int
+        At the reset, of the wind's response, actions since the reset.
+    wind : (rows + kept,) float
+        That response.
+    cosine, sine, square, met
+        What `begin` returned.
+    modes : (2 M,) float
+        At the end as if there were no stops; changed.
+    flaps : (4 blades F,) float
+    rows : (rows,) float
+        What the modes make of the rows; changed.
+    work : float
+        As of `move`.
+    given : (Q,) float
+        Motion that is free of stops.
+    inputs : (6 F,) float
+        To work in.
+    last, rbm_square, fixed_square, samples : float
+        Of this turbine's loads; filled.
+    """
+    k, count, each = s.steps, s.blades * s.flaps, BLADES * s.flaps
+    add_inputs(feed, 0, given, 0, s.given, rows)
     if met:
         for j in range(k):
             took = work[2 * count + 2 * k * count + j]
@@ -362,12 +370,12 @@ def advance(  # type: ignore[no-untyped-def]
             kinds = 2 if took > 1.0 else 1
             first = s.given + 2 * j * each
             for kind in range(kinds):
-                place = s.given + kind * each
+                place = kind * each
                 components(s, limits, work, 2 * count + (2 * j + kind) * count, cosine, sine, inputs, place)
-            add_inputs(feed, first, inputs, s.given, kinds * each, rows)
+            add_inputs(feed, first, inputs, 0, kinds * each, rows)
             # What is lost in the last step does not reach the modes at its end.
             if j < k - 1:
-                add_inputs(push, first_push + first, inputs, s.given, kinds * each, modes)
+                add_inputs(push, first_push + first, inputs, 0, kinds * each, modes)
     for row in range(s.rows):
         rows[row] += wind[row] * level
     read_blades(s, rows, cosine, sine, last, rbm_square, samples)
@@ -442,7 +450,14 @@ def _entry(edition: int) -> Any:
         fixed_square = np.empty((n, s.fixed_outputs))
         wide = s.record * (s.blade_places * s.blades + 2 * count + s.fixed_places + 1)
         samples = np.empty((n, s.steps * s.record, wide))
-        work, inputs = np.empty(work_size(s)), np.empty(s.given + 6 * s.flaps, kind)
+        room = min(n, BLOCK)
+        work, given, inputs = (
+            np.empty((room, work_size(s))),
+            np.empty((room, s.given), kind),
+            np.empty(6 * s.flaps, kind),
+        )
+        begun = np.empty((room, 4))
+        pushed = push[: s.given]
         block, own = np.empty((min(n, BLOCK), s.rows), kind), np.empty((min(n, BLOCK), 4 * count))
         for first in range(0, n, BLOCK):
             some = min(BLOCK, n - first)
@@ -453,31 +468,49 @@ def _entry(edition: int) -> Any:
                 for f in range(count):
                     for t in range(some):
                         own[t, i * count + f] = before[i, f, first + t]
+            for t in range(some):
+                at = first + t
+                cosine, sine, square, met = begin(
+                    s,
+                    limits,
+                    azimuth[at],
+                    state.elapsed[at],
+                    actions[at],
+                    own[t],
+                    work[t],
+                    given[t],
+                    samples[at],
+                )
+                begun[t, 0], begun[t, 1], begun[t, 2], begun[t, 3] = cosine, sine, square, 1.0 * met
+            if n > FEW:
+                np.dot(given[:some], pushed, after[first : first + some])
             for t in range(first, first + some):
-                rows = block[t - first]
+                rows, here = block[t - first], t - first
                 if n <= FEW:
                     read_modes(read, 0, modes[t], rows)
+                    after[t, :] = 0.0
+                    add_inputs(push, 0, given[here], 0, s.given, after[t])
+                decayed(decay, parts, 2 * t, after_parts, 2 * t)
                 since = state.elapsed[t]
                 angle_square[t] = advance(
                     s,
                     limits,
-                    decay,
                     push,
                     0,
                     feed,
                     azimuth[t],
+                    begun[here, 0],
+                    begun[here, 1],
+                    begun[here, 2],
+                    begun[here, 3] > 0.0,
                     responses[place[t], min(since, s.intervals - 1)],
                     level[t],
                     since,
-                    parts,
-                    2 * t,
-                    after_parts,
-                    2 * t,
                     after[t],
-                    actions[t],
-                    own[t - first],
+                    own[here],
                     rows,
-                    work,
+                    work[here],
+                    given[here],
                     inputs,
                     last[t],
                     rbm_square[t],

@@ -18,7 +18,6 @@ from flapgym.envs.task import Scoring
 from flapgym.plant.backends.numba import (
     EDITION,
     OPTIONS,
-    WHOLE,
     Sizes,
     add_inputs,
     advance,

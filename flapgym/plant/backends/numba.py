@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from flapgym.core.arrays import BLADES, Array, FloatArray
+from flapgym.core.arrays import BLADES, FloatArray
 from flapgym.plant import actuator, parameters
 from flapgym.plant.parameters import Episode, Loads, Parameters, State
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
+from numpy import empty, ndarray
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.core.wording import shown
@@ -214,12 +215,13 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._running = False
         self._compiled = self._compile()
         self._elapsed, self._last = 0, self._turbines.stepping.intervals
-        self._wind = self._turbines.quantities.last["wind"].start
         self._screen = (
             None
             if render_mode is None
             else Screen(self._turbines.model, render_mode, self._turbines.action_time)
         )
+        self._actions = self.action_space.shape or ()
+        self._observed = self._turbines.scoring.columns.size
         self._full = self.settings.full_info or render_mode is not None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -287,22 +289,22 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("step: no episode is running; call reset first")
         if self._compiled is None:
             return self._step_uncompiled(action)
-        # The very objects, as of every plain array. What else holds numbers is read first; so is a view with gaps, or
-        # one that cannot be written to, for which the step would be compiled once more.
+        # The very objects, as of every plain array: what else holds numbers is read first.
+        # So is a view with gaps, or one that cannot be written to, for which the step would be compiled once more.
         if (
-            action.__class__ is not np.ndarray
+            action.__class__ is not ndarray
             or action.dtype is not FLOAT32
             or action.shape != self._actions
             or not action.flags.carray
         ):
             action = numbers(action, self._actions)
-        try:
-            observation, told = self._compiled.step(action)
-        except ValueError:
+        observation = empty(self._observed, FLOAT32)
+        finite, reward, of_moments, of_angles, of_tower, wind, azimuth = self._compiled.step(
+            action, observation
+        )
+        if not finite:
             refuse_not_finite(numbers(action, self._actions), self._turbines.quantities.flaps)
-            raise
         self._elapsed += 1
-        wind, azimuth, _, _, *squares, reward, of_moments, of_angles, of_tower = told[self._wind :].tolist()
         info: Info = {
             "wind_perturbation": wind,
             "azimuth": azimuth,
@@ -313,13 +315,14 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.settings.single_blade:  # which does not turn
             del info["azimuth"]
         if self._full:
+            told = self._compiled.told
             infos = self._turbines.info(told[None])
             if self._screen is not None:
                 self._show(_only(infos))
             if self.settings.full_info:
                 info |= _only(infos)
-                info["rbm_mean_square"] = np.array(squares)
-        terminated, truncated = not math.isfinite(reward), self._elapsed >= self._last
+                info["rbm_mean_square"] = told[self._turbines.quantities.size :].copy()
+        terminated, truncated = not isfinite(reward), self._elapsed >= self._last
         if terminated or truncated:
             self._running = False
         return observation, reward, terminated, truncated, info

@@ -144,12 +144,12 @@ def free_motion(steps: int, time_step: float, decay: float, gain: float) -> Arra
 def deviations(steps: int, time_step: float) -> Array:
     """What stops do to the motion, (2 (k + 1), 2 k): angle and rate of samples 0..k.
 
-    From the rate lost in each of the steps 1..k and then the jump of the angle in each.
+    From the rate lost in step 1 and the jump of the angle in it, then of step 2 and so on.
     """
-    motion = np.zeros((steps + 1, 2, 2, steps))
+    motion = np.zeros((steps + 1, 2, steps, 2))
     for step in range(steps):
         behind = np.arange(steps - step)
-        motion[step + 1 :, 0, 0, step] = time_step * (0.5 + behind)
-        motion[step + 1 :, 1, 0, step] = 1.0
-        motion[step + 1 :, 0, 1, step] = 1.0
+        motion[step + 1 :, 0, step, 0] = time_step * (0.5 + behind)
+        motion[step + 1 :, 1, step, 0] = 1.0
+        motion[step + 1 :, 0, step, 1] = 1.0
     return motion.reshape(2 * (steps + 1), 2 * steps)

@@ -53,7 +53,7 @@ class LinearPlant:
         self.state = State(
             elapsed=np.zeros(count, dtype=np.int64),
             flaps=np.zeros((4, flaps, count)),
-            modes=np.zeros((2 * self._kernel.flap.order, count), dtype=stepping.precision),
+            modes=np.zeros((count, 2 * self._kernel.flap.order), dtype=stepping.precision),
         )
         self.episode = Episode(
             azimuth=np.zeros(count),
@@ -79,7 +79,7 @@ class LinearPlant:
         first += _first_motion(acting, start.azimuth, p.blades, p.flaps) @ kernel.direct
         flaps = np.zeros((4, angle.shape[1], len(turbines)))
         flaps[0], flaps[1] = angle.T, rate.T
-        self._place(turbines, start.azimuth, flaps, np.concatenate([modes.real, modes.imag], axis=1).T)
+        self._place(turbines, start.azimuth, flaps, np.concatenate([modes.real, modes.imag], axis=1))
         loads = BLADES * p.blade_outputs
         blades = first[:, :loads].reshape(-1, p.blade_outputs, 1, BLADES)
         azimuth = start.azimuth[:, None, None]
@@ -100,7 +100,7 @@ class LinearPlant:
         """Put m turbines in place of those that were there."""
         elapsed, all_flaps = self.state.elapsed.copy(), self.state.flaps.copy()
         all_modes = self.state.modes.copy()
-        elapsed[turbines], all_flaps[:, :, turbines], all_modes[:, turbines] = 0, flaps, modes
+        elapsed[turbines], all_flaps[:, :, turbines], all_modes[turbines] = 0, flaps, modes
         azimuths = self.episode.azimuth.copy()
         azimuths[turbines] = azimuth
         self.state = State(elapsed, all_flaps, all_modes)
@@ -132,7 +132,7 @@ class LinearPlant:
             "elapsed": int(self.state.elapsed[turbine]),
             "flaps": self.state.flaps[:3, :, turbine].tolist(),
             "travel": self.state.flaps[3, :, turbine].tolist(),
-            "modes": self.state.modes[:, turbine].astype(float).tolist(),
+            "modes": self.state.modes[turbine].astype(float).tolist(),
         }
 
     def set_state(self, turbine: int, state: dict[str, Any]) -> None:
@@ -141,7 +141,7 @@ class LinearPlant:
         modes = self.state.modes.copy()
         elapsed[turbine] = state["elapsed"]
         flaps[:3, :, turbine], flaps[3, :, turbine] = state["flaps"], state["travel"]
-        modes[:, turbine] = state["modes"]
+        modes[turbine] = state["modes"]
         self.state = State(elapsed, flaps, modes)
 
 

@@ -57,15 +57,15 @@ class Parameters(NamedTuple):
     effectiveness : (blades F,) float
     decay : (2, M) float
         What an interval leaves of the modes: real and imaginary part of their eigenvalues' k-th power.
-    push : (2 M, Q) float
-        Motion that is free of stops to the modes at the end. Columns: angle, rate, command and, if it lags, the
-        acceleration at the start; of each flap; in components 0, c, s in the frame of the start.
     read : (rows, 2 M) float
         Modes at the start, real parts first, to the rows (`flapgym.plant.frame.OutputRows`, without the wind's).
-    feed : (rows, Q) float
-        Motion that is free of stops to the rows.
-    stop_push, stop_feed : (2 M, 6 F k) and (rows, 6 F k) float
-        What stops did to the same: rate lost in steps 1..k, then jumps of the angle; each of every flap in components.
+    push : (Q + 6 F (k - 1), 2 M) float
+        What the flaps do to the modes at the end. First motion that is free of stops: angle, rate, command and, if it
+        lags, the acceleration at the start; of each flap; in components 0, c, s in the frame of the start. Then what
+        stops did, step by step: rate lost, and jumps of the angle; each of every flap in components. What they did in
+        the last step does not reach the modes.
+    feed : (Q + 6 F k, rows) float
+        What the flaps do to the rows.
     """
 
     steps: int
@@ -87,11 +87,14 @@ class Parameters(NamedTuple):
     acceleration: Array
     effectiveness: Array
     decay: FloatArray
-    push: FloatArray
     read: FloatArray
+    push: FloatArray
     feed: FloatArray
-    stop_push: FloatArray
-    stop_feed: FloatArray
+
+    @property
+    def free(self) -> int:
+        """Q."""
+        return BLADES * self.flaps * (4 if self.lag_gain else 3)
 
 
 class Episode(NamedTuple):
@@ -124,7 +127,7 @@ class State(NamedTuple):
         Actions since the reset.
     flaps : (4, blades F, n) float
         Angle, rate, lagged acceleration, way since the reset [rad, rad/s, rad/s^2, rad].
-    modes : (2 M, n) float
+    modes : (n, 2 M) float
         Of the response to the flaps, real parts first.
     """
 
@@ -275,13 +278,13 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
     # Motion of every flap in every component alike; the last sample's acts on the outputs alone.
     each = np.eye(BLADES * flaps)
     free = np.kron(free_motion(k, dt, decay, gain), each)
-    stops = np.kron(deviations(k, dt), each)
-    drive = _parts_apart(lifted.drive).T
+    done = np.concatenate([free, np.kron(deviations(k, dt), each)], axis=1)
+    drive = _parts_apart(lifted.drive)
     effectiveness, stuck = stepping.faults.on(blades, flaps)
     limits = [[getattr(flap, name) for flap in model.flaps] * blades for name in _LIMITS]
     angle_limit, rate_limit, acceleration = (np.array(limit) for limit in limits)
     precise = np.dtype(stepping.precision)
-    before_last = slice(0, drive.shape[1])
+    before_last = len(drive)
 
     def packed(matrix: Array) -> FloatArray:
         return np.ascontiguousarray(matrix, dtype=precise)
@@ -306,11 +309,9 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
         acceleration=np.where(np.isnan(stuck), acceleration, 0.0),
         effectiveness=effectiveness,
         decay=packed(np.stack([lifted.decay.real, lifted.decay.imag])),
-        push=packed(drive @ free[before_last]),
         read=packed(_parts_apart(lifted.read.T)),
-        feed=packed(lifted.feed.T @ free),
-        stop_push=packed(drive @ stops[before_last]),
-        stop_feed=packed(lifted.feed.T @ stops),
+        push=packed(done[:before_last, : free.shape[1] + 2 * BLADES * flaps * (k - 1)].T @ drive),
+        feed=packed(done.T @ lifted.feed),
     )
 
 

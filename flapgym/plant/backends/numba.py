@@ -1,7 +1,11 @@
-"""The step as compiled code, for one turbine and for many: plain loops over the arrays of `flapgym.plant.parameters`.
+"""The step as compiled code, turbine by turbine: plain loops over the arrays of `flapgym.plant.parameters`.
 
-Sums over the modes of one turbine run along the modes, those of many are matrix products; everything else is written
-once, with the turbines innermost. numba keeps what it compiled on disk.
+The modes of one turbine stand side by side, and vector units run along them. Of many turbines the rows are read in one
+matrix product for BLOCK of them, which then stay in the nearer caches while they are stepped one after another. numba
+keeps what it compiled on disk.
+
+Compiled code counts the references to every array that it takes out of a tuple or cuts from another, so whatever runs
+once a turbine gets its arrays one by one, flat, and everything else as `Sizes`.
 """
 
 from __future__ import annotations
@@ -12,14 +16,14 @@ import math
 import sys
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numba.core import event
 from numba.core.caching import NullCache
 
-from flapgym.core.arrays import BLADES, Array, FloatArray
+from flapgym.core.arrays import BLADES, FloatArray
 from flapgym.plant import actuator, parameters
 from flapgym.plant.parameters import Episode, Loads, Parameters, State
 
@@ -34,8 +38,49 @@ EDITION = zlib.crc32(b"".join(Path(str(module.__file__)).read_bytes() for module
 THIRD = 1.0 / BLADES
 C1, S1 = math.cos(2.0 * math.pi * THIRD), math.sin(2.0 * math.pi * THIRD)
 """From one blade to the next."""
-BLOCK = 128
-"""Turbines whose modes are turned together."""
+TURN = 2.0 * math.pi
+BLOCK = 32
+"""Turbines whose rows are read together."""
+FEW = 4
+"""Turbines up to which the rows of each are read by itself."""
+NEXT_TO_NOTHING = 1e-30
+"""Of a mode, whose loads are of the order of its numbers times 1e6."""
+
+
+class Sizes(NamedTuple):
+    """The parameters that are not arrays; see `flapgym.plant.parameters.Parameters`.
+
+    Attributes
+    ----------
+    modes, rows, given : int
+        2 M, rows and Q of the matrices.
+    cosine, sine : float
+        Of the azimuth of an interval.
+    """
+
+    steps: int
+    intervals: int
+    kept: int
+    blades: int
+    flaps: int
+    blade_outputs: int
+    fixed_outputs: int
+    blade_places: int
+    fixed_places: int
+    record: int
+    modes: int
+    rows: int
+    given: int
+    time_step: float
+    turn: float
+    lag_decay: float
+    lag_gain: float
+    cosine: float
+    sine: float
+
+
+WHOLE = 13
+"""Of them are whole numbers."""
 
 
 def kept(function: Any) -> Any:
@@ -95,353 +140,440 @@ flap_step = njit(inline="always", **OPTIONS)(actuator.flap_step)
 
 
 @njit(**OPTIONS)
-def components(values, place, p, cosine, sine, given, row):  # type: ignore[no-untyped-def]
-    """Components of a quantity of the flaps, values[place + b F + f], into rows from `row` on, three a flap.
+def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
+    """Flaps of one turbine over the interval. Returns the sum of squared angles and whether a stop took something away.
+
+    Parameters
+    ----------
+    s : Sizes
+    limits : (4 blades F,) float
+        Angle stop, rate stop, acceleration and effectiveness of every flap.
+    action : (blades F,) float
+    flaps : (4 blades F,) float
+        Angle, rate, lagged acceleration and way of every flap; changed.
+    work : (blades F (2 + 2 k) + 2 k blades F + k,) float
+        Filled: command of every flap, whether it met a stop; of every step rate lost and jump of every flap; what a
+        step took: 0 nothing, 1 rate, 2 angle.
+    """
+    count, k = s.blades * s.flaps, s.steps
+    dt, decay, gain = s.time_step, s.lag_decay, s.lag_gain
+    lost_at = 2 * count
+    took_at = lost_at + 2 * k * count
+    square, met_any = 0.0, False
+    for j in range(k):
+        work[took_at + j] = 0.0
+    for i in range(count):
+        work[i] = min(max(float(action[i]), -1.0), 1.0) * limits[2 * count + i]
+        work[count + i] = 0.0
+    # Steps of one flap wait for one another, those of several flaps run side by side.
+    for j in range(k):
+        place = lost_at + 2 * j * count
+        for i in range(count):
+            angle, rate, lagged, held = flaps[i], flaps[count + i], flaps[2 * count + i], work[i]
+            acting = held + gain * (lagged - held)
+            moved, after, lost, jump, hit = flap_step(angle, rate, acting, dt, limits[i], limits[count + i])
+            flaps[i], flaps[count + i] = moved, after
+            flaps[2 * count + i] = held + decay * (lagged - held)
+            flaps[3 * count + i] += abs(moved - angle)
+            square += moved * moved
+            # Round-off of the subtraction is no loss.
+            work[place + i], work[place + count + i] = lost * hit, jump
+            if hit:
+                met_any, work[count + i] = True, 1.0
+                work[took_at + j] = max(work[took_at + j], 2.0 if jump != 0.0 else 1.0)
+    return square, met_any
+
+
+@njit(**OPTIONS)
+def components(s, limits, values, first, cosine, sine, inputs, place):  # type: ignore[no-untyped-def]
+    """Components of a quantity of the flaps, values[first + b F + f], into inputs from `place` on, three a flap.
 
     cos(theta + 2 pi b / 3) summed with the blades: what turns with blade 1 (along), and across it.
     """
-    for f in range(p.flaps):
-        for t in range(cosine.size):
-            one = values[place + f, t] * p.effectiveness[f]
-            if p.blades == 1:
-                given[row, t], given[row + 1, t], given[row + 2, t] = one, 0.0, 0.0
-            else:
-                two = values[place + p.flaps + f, t] * p.effectiveness[p.flaps + f]
-                three = values[place + 2 * p.flaps + f, t] * p.effectiveness[2 * p.flaps + f]
-                along, across = one + C1 * (two + three), S1 * (three - two)
-                given[row, t] = THIRD * (one + two + three)
-                given[row + 1, t] = 2.0 * THIRD * (cosine[t] * along + sine[t] * across)
-                given[row + 2, t] = 2.0 * THIRD * (sine[t] * along - cosine[t] * across)
-        row += BLADES
+    flaps, effect = s.flaps, 3 * s.blades * s.flaps
+    for f in range(flaps):
+        at = first + f
+        one, two, three = values[at] * limits[effect + f], 0.0, 0.0
+        mean, turning = one, 0.0
+        if s.blades == BLADES:
+            two = values[at + flaps] * limits[effect + flaps + f]
+            three = values[at + 2 * flaps] * limits[effect + 2 * flaps + f]
+            mean, turning = THIRD * (one + two + three), 2.0 * THIRD
+        along, across = turning * (one + C1 * (two + three)), turning * (S1 * (three - two))
+        inputs[place], inputs[place + 1] = mean, cosine * along + sine * across
+        inputs[place + 2] = sine * along - cosine * across
+        place += BLADES
 
 
 @njit(**OPTIONS)
-def move(p, state, actions, flaps, command, rate_lost, jumps, stopped, square, samples):  # type: ignore[no-untyped-def]
-    """Flaps of n turbines over the interval, step by step. Returns whether a stop took something away.
+def add_inputs(matrix, first, inputs, place, count, result):  # type: ignore[no-untyped-def]
+    """Add inputs[place + q] times row `first` + q for q up to `count`; the three of a flap share a pass."""
+    for q in range(0, count, BLADES):
+        a, b, c = inputs[place + q], inputs[place + q + 1], inputs[place + q + 2]
+        row = first + q
+        for i in range(result.size):
+            result[i] += a * matrix[row, i] + b * matrix[row + 1, i] + c * matrix[row + 2, i]
 
-    Fills flaps (4, blades F, n), command (blades F, n), what stops did (k blades F, n), who met one (blades F, n), the
-    sum of squared angles (n,) and, if they are wanted, the samples.
+
+@njit(**OPTIONS)
+def read_modes(matrix, first, modes, result):  # type: ignore[no-untyped-def]
+    """Rows from `first` on, times the modes of a turbine; three share what is read of those."""
+    nothing = result.dtype.type(0.0)
+    place = 0
+    while place + 3 <= result.size:
+        row = first + place
+        one, two, three = nothing, nothing, nothing
+        for i in range(modes.size):
+            one += matrix[row, i] * modes[i]
+            two += matrix[row + 1, i] * modes[i]
+            three += matrix[row + 2, i] * modes[i]
+        result[place], result[place + 1], result[place + 2] = one, two, three
+        place += 3
+    for last in range(place, result.size):
+        one = nothing
+        for i in range(modes.size):
+            one += matrix[first + last, i] * modes[i]
+        result[last] = one
+
+
+@njit(**OPTIONS)
+def decayed(decay, parts, before, after_parts, after):  # type: ignore[no-untyped-def]
+    """Add what an interval leaves of the modes; next to nothing becomes nothing.
+
+    What flaps at rest leave in the modes would decay to denormal numbers, which take ten times as long.
+
+    Parameters
+    ----------
+    decay : (2, M) float
+    parts, after_parts : (2 n, M) float
+        Real and imaginary parts of turbines in turn; to the latter is added.
+    before, after : int
+        Where those of the turbine begin.
     """
-    count, n = command.shape
-    dt, decay, gain, met_any = p.time_step, p.lag_decay, p.lag_gain, False
-    first_angle = p.blade_places * p.blades
+    nothing = parts.dtype.type(0.0)
+    for m in range(decay.shape[1]):
+        real, imaginary, along, across = decay[0, m], decay[1, m], parts[before, m], parts[before + 1, m]
+        first = after_parts[after, m] + (real * along - imaginary * across)
+        second = after_parts[after + 1, m] + (real * across + imaginary * along)
+        after_parts[after, m] = nothing if abs(first) < NEXT_TO_NOTHING else first
+        after_parts[after + 1, m] = nothing if abs(second) < NEXT_TO_NOTHING else second
+
+
+@njit(**OPTIONS)
+def on_blades(mean, along, across, cosine, sine):  # type: ignore[no-untyped-def]
+    """Of three blades, from components in the frame in which blade 1 stands at that cosine and sine."""
+    with_first, beside = along * cosine + across * sine, across * cosine - along * sine
+    return mean + with_first, mean + C1 * with_first + S1 * beside, mean + C1 * with_first - S1 * beside
+
+
+@njit(**OPTIONS)
+def read_blades(s, rows, cosine, sine, last, rbm_square, samples):  # type: ignore[no-untyped-def]
+    """Blade quantities: their last sample, mean squares of the root moment and, where they are wanted, all samples."""
+    whole = s.blades == BLADES
+    row = 0
+    for quantity in range(s.blade_outputs):
+        place, count = quantity * s.blades, s.steps if quantity == 0 else s.kept
+        one, two, three, first, second, third = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(count):
+            one = float(rows[row])
+            if whole:
+                one, two, three = on_blades(one, float(rows[row + 1]), float(rows[row + 2]), cosine, sine)
+            first += one * one
+            second += two * two
+            third += three * three
+            if s.record:
+                samples[j, place] = one
+                if whole:
+                    samples[j, place + 1], samples[j, place + 2] = two, three
+            row += BLADES
+        last[place] = one
+        if whole:
+            last[place + 1], last[place + 2] = two, three
+        if quantity == 0:
+            rbm_square[0] = first / count
+            if whole:
+                rbm_square[1], rbm_square[2] = second / count, third / count
+    for place in range(s.blade_outputs * s.blades, s.blade_places * s.blades):
+        last[place] = math.nan
+
+
+@njit(**OPTIONS)
+def read_fixed(s, rows, wind, level, place, last, fixed_square, samples):  # type: ignore[no-untyped-def]
+    """Fixed outputs and the wind, last from `place` on; samples from their place on."""
+    row, kept = s.rows - s.fixed_outputs * s.kept, s.kept
+    column = s.blade_places * s.blades + 2 * s.blades * s.flaps
+    for quantity in range(s.fixed_outputs):
+        value, square = 0.0, 0.0
+        for j in range(kept):
+            value = float(rows[row + j])
+            square += value * value
+            if s.record:
+                samples[j, column + quantity] = value
+        last[place + quantity] = value
+        fixed_square[quantity] = square / kept
+        row += kept
+    for quantity in range(s.fixed_outputs, s.fixed_places):
+        last[place + quantity] = math.nan
+    if s.record:
+        for j in range(kept):
+            samples[j, column + s.fixed_places] = wind[s.rows + j] * level
+    last[place + s.fixed_places] = wind[s.rows + kept - 1] * level
+
+
+@njit(**OPTIONS)
+def record_flaps(s, limits, action, flaps, samples):  # type: ignore[no-untyped-def]
+    """Every sample of the flaps, which `move` has not changed yet."""
+    count, place = s.blades * s.flaps, s.blade_places * s.blades
     for i in range(count):
-        top_angle, top_rate = p.angle_limit[i], p.rate_limit[i]
-        angle, rate, lagged, travel = flaps[0, i], flaps[1, i], flaps[2, i], flaps[3, i]
-        held, met = command[i], stopped[i]
-        for t in range(n):
-            angle[t], rate[t] = state.flaps[0, i, t], state.flaps[1, i, t]
-            lagged[t], travel[t] = state.flaps[2, i, t], state.flaps[3, i, t]
-            held[t], met[t] = min(max(float(actions[t, i]), -1.0), 1.0) * p.acceleration[i], 0.0
-        for j in range(p.steps):
-            lost_now, jump_now = rate_lost[j * count + i], jumps[j * count + i]
-            for t in range(n):
-                acting = held[t] + gain * (lagged[t] - held[t])
-                moved, after, lost, jump, hit = flap_step(angle[t], rate[t], acting, dt, top_angle, top_rate)
-                lagged[t] = held[t] + decay * (lagged[t] - held[t])
-                travel[t] += abs(moved - angle[t])
-                square[t] += moved * moved
-                angle[t], rate[t] = moved, after
-                met[t] = max(met[t], 1.0 * hit)
-                # Round-off of the subtraction is no loss.
-                lost_now[t], jump_now[t] = lost * hit, jump
-            if p.record:
-                for t in range(n):
-                    samples[t, j, first_angle + i] = angle[t]
-                    samples[t, j, first_angle + count + i] = rate[t]
-        for t in range(n):
-            met_any |= met[t] > 0.0
-    return met_any
+        angle, rate, lagged = flaps[i], flaps[count + i], flaps[2 * count + i]
+        held = min(max(float(action[i]), -1.0), 1.0) * limits[2 * count + i]
+        for j in range(s.steps):
+            acting = held + s.lag_gain * (lagged - held)
+            angle, rate, _, _, _ = flap_step(angle, rate, acting, s.time_step, limits[i], limits[count + i])
+            lagged = held + s.lag_decay * (lagged - held)
+            samples[j, place + i], samples[j, place + count + i] = angle, rate
 
 
 @njit(**OPTIONS)
-def turn_modes(p, modes, given, after):  # type: ignore[no-untyped-def]
-    """Modes of many turbines after an interval without stops.
+def begin(s, limits, azimuth, elapsed, action, flaps, work, inputs, samples):  # type: ignore[no-untyped-def]
+    """Flaps of one turbine; of `inputs`, the Q of motion that is free of stops. The rest is as of `advance`.
 
-    BLOCK turbines at a time, whose inputs stay in the nearest cache; three inputs share a pass over a mode.
+    Returns cosine and sine of the azimuth at the start, the sum of squared angles, and whether a stop was met.
     """
-    count, n = p.decay.shape[1], modes.shape[1]
-    for first in range(0, n, BLOCK):
-        some = slice(first, min(first + BLOCK, n))
-        for m in range(count):
-            real, imaginary = p.decay[0, m], p.decay[1, m]
-            along, across = modes[m, some], modes[count + m, some]
-            up, beside = after[m, some], after[count + m, some]
-            for t in range(along.size):
-                up[t] = real * along[t] - imaginary * across[t]
-                beside[t] = real * across[t] + imaginary * along[t]
-            for q in range(0, given.shape[0], BLADES):
-                first_in, second_in, third_in = given[q, some], given[q + 1, some], given[q + 2, some]
-                a, b, c = p.push[m, q], p.push[m, q + 1], p.push[m, q + 2]
-                d, e, f = p.push[count + m, q], p.push[count + m, q + 1], p.push[count + m, q + 2]
-                for t in range(along.size):
-                    up[t] += a * first_in[t] + b * second_in[t] + c * third_in[t]
-                    beside[t] += d * first_in[t] + e * second_in[t] + f * third_in[t]
+    count, each = s.blades * s.flaps, BLADES * s.flaps
+    angle = azimuth + s.turn * s.steps * elapsed
+    cosine, sine = math.cos(angle), math.sin(angle)
+    components(s, limits, flaps, 0, cosine, sine, inputs, 0)
+    components(s, limits, flaps, count, cosine, sine, inputs, each)
+    if s.lag_gain != 0.0:
+        components(s, limits, flaps, 2 * count, cosine, sine, inputs, 3 * each)
+    if s.record:
+        record_flaps(s, limits, action, flaps, samples)
+    square, met = move(s, limits, action, flaps, work)
+    components(s, limits, work, 0, cosine, sine, inputs, 2 * each)
+    return cosine, sine, square, met
 
 
 @njit(**OPTIONS)
-def add_stops(p, given, which, after, rows):  # type: ignore[no-untyped-def]
-    """What stops did to modes and rows of those turbines that met one."""
-    lost = np.empty((given.shape[0], which.size), given.dtype)
-    for q in range(given.shape[0]):
-        for s in range(which.size):
-            lost[q, s] = given[q, which[s]]
-    pushed, fed = np.dot(p.stop_push, lost), np.dot(p.stop_feed, lost)
-    for m in range(pushed.shape[0]):
-        for s in range(which.size):
-            after[m, which[s]] += pushed[m, s]
-    for r in range(fed.shape[0]):
-        for s in range(which.size):
-            rows[r, which[s]] += fed[r, s]
+def advance(  # type: ignore[no-untyped-def]
+    s,
+    limits,
+    push,
+    first_push,
+    feed,
+    azimuth,
+    cosine,
+    sine,
+    square,
+    met,
+    wind,
+    level,
+    elapsed,
+    modes,
+    flaps,
+    rows,
+    work,
+    given,
+    inputs,
+    last,
+    rbm_square,
+    fixed_square,
+    samples,
+):
+    """What follows `begin` and the modes' own motion. Returns the mean square of the flap angles.
 
-
-@njit(**OPTIONS)
-def add_product(matrix, vector, result):  # type: ignore[no-untyped-def]
-    """Add a matrix times a vector; three rows share what is read of it, their sums stay in registers."""
-    size, row = vector.size, 0
-    while row + 3 <= result.size:
-        one, two, three = matrix[row], matrix[row + 1], matrix[row + 2]
-        first, second, third = result[row], result[row + 1], result[row + 2]
-        for i in range(size):
-            first += one[i] * vector[i]
-            second += two[i] * vector[i]
-            third += three[i] * vector[i]
-        result[row], result[row + 1], result[row + 2] = first, second, third
-        row += 3
-    for last in range(row, result.size):
-        total, one = result[last], matrix[last]
-        for i in range(size):
-            total += one[i] * vector[i]
-        result[last] = total
-
-
-@njit(**OPTIONS)
-def turn_modes_of_one(p, modes, given, after):  # type: ignore[no-untyped-def]
-    """`turn_modes` for one turbine, along its modes."""
-    count = p.decay.shape[1]
-    real, imaginary, along, across = p.decay[0], p.decay[1], modes[:count], modes[count:]
-    for m in range(count):
-        after[m] = real[m] * along[m] - imaginary[m] * across[m]
-        after[count + m] = real[m] * across[m] + imaginary[m] * along[m]
-
-
-@njit(**OPTIONS)
-def read_loads(p, episode, elapsed, rows, flaps, stopped, square, cosine, sine, loads):  # type: ignore[no-untyped-def]
-    """Rows (rows, n) of the flaps' response and the wind's, blade by blade, into the loads."""
-    k, kept, count, n = p.steps, p.kept, flaps.shape[1], elapsed.size
-    structural = rows.shape[0]
-    first_fixed = structural - p.fixed_outputs * kept
-    angle_at = p.blade_places * p.blades
-    fixed_at = angle_at + 4 * count
-    wind_at = fixed_at + p.fixed_places
-    turn = 2.0 * math.pi
-    for t in range(n):
-        last, sample = loads.last[t], loads.samples[t]
-        at = min(elapsed[t], p.intervals - 1)
-        wind, level = episode.responses[episode.place[t], at], episode.level[t]
-        along, across = cosine[t], sine[t]
-        for quantity in range(p.blade_outputs):
-            samples = k if quantity == 0 else kept
-            first = 0 if quantity == 0 else BLADES * (k + (quantity - 1) * kept)
-            place = quantity * p.blades
-            for j in range(samples):
-                row = first + BLADES * j
-                mean = float(rows[row, t]) + wind[row] * level
-                if p.blades == 1:
-                    last[place] = mean
-                else:
-                    c = float(rows[row + 1, t]) + wind[row + 1] * level
-                    s = float(rows[row + 2, t]) + wind[row + 2] * level
-                    with_first, beside = c * along + s * across, s * along - c * across
-                    last[place] = mean + with_first
-                    last[place + 1] = mean + C1 * with_first + S1 * beside
-                    last[place + 2] = mean + C1 * with_first - S1 * beside
-                for b in range(p.blades):
-                    if quantity == 0:
-                        loads.rbm_square[t, b] += last[b] * last[b] / k
-                    if p.record:
-                        sample[j, place + b] = last[place + b]
-        for place in range(p.blade_outputs * p.blades, angle_at):
-            last[place] = math.nan
-        for i in range(count):
-            last[angle_at + i], last[angle_at + count + i] = flaps[0, i, t], flaps[1, i, t]
-            last[angle_at + 2 * count + i], last[angle_at + 3 * count + i] = flaps[3, i, t], stopped[i, t]
-        for quantity in range(p.fixed_places):
-            last[fixed_at + quantity] = math.nan
-        for quantity in range(p.fixed_outputs):
-            for j in range(kept):
-                row = first_fixed + quantity * kept + j
-                value = float(rows[row, t]) + wind[row] * level
-                loads.fixed_square[t, quantity] += value * value / kept
-                last[fixed_at + quantity] = value
-                if p.record:
-                    sample[j, angle_at + 2 * count + quantity] = value
-        if p.record:
-            for j in range(kept):
-                sample[j, angle_at + 2 * count + p.fixed_places] = wind[structural + j] * level
-        last[wind_at] = wind[structural + kept - 1] * level
-        azimuth = episode.azimuth[t] + p.turn * k * (elapsed[t] + 1)
-        # Rounding must not leave a turn.
-        last[wind_at + 1] = min(max(azimuth - turn * math.floor(azimuth / turn), 0.0), turn)
-        last[wind_at + 2], last[wind_at + 3] = math.cos(azimuth), math.sin(azimuth)
-        loads.angle_square[t] = square[t] / (k * count)
-
-
-@njit(**OPTIONS)
-def advance(p, episode, state, actions):  # type: ignore[no-untyped-def]
-    """The step; see `step`."""
-    n, count, k = state.elapsed.size, p.angle_limit.size, p.steps
-    kind = p.read.dtype
-    flaps, command, stopped = np.empty((4, count, n)), np.empty((count, n)), np.empty((count, n))
-    rate_lost, jumps, square = np.empty((k * count, n)), np.empty((k * count, n)), np.zeros(n)
-    cosine, sine, elapsed = np.empty(n), np.empty(n), np.empty(n, np.int64)
-    for t in range(n):
-        azimuth = episode.azimuth[t] + p.turn * k * state.elapsed[t]
-        cosine[t], sine[t] = math.cos(azimuth), math.sin(azimuth)
-        elapsed[t] = state.elapsed[t] + 1
-    wide = p.record * (p.blade_places * p.blades + 2 * count + p.fixed_places + 1)
-    loads = Loads(
-        np.empty((n, p.blade_places * p.blades + 4 * count + p.fixed_places + 4)),
-        np.zeros((n, p.blades)),
-        np.zeros(n),
-        np.zeros((n, p.fixed_outputs)),
-        np.empty((n, k * p.record, wide)),
-    )
-    met = move(p, state, actions, flaps, command, rate_lost, jumps, stopped, square, loads.samples)
-    given = np.empty((p.push.shape[1], n), kind)
-    width = BLADES * p.flaps
-    components(state.flaps[0], 0, p, cosine, sine, given, 0)
-    components(state.flaps[1], 0, p, cosine, sine, given, width)
-    components(command, 0, p, cosine, sine, given, 2 * width)
-    if p.lag_gain != 0.0:
-        components(state.flaps[2], 0, p, cosine, sine, given, 3 * width)
-    after = np.empty(state.modes.shape, kind)
-    if n == 1:
-        rows = np.zeros((p.read.shape[0], 1), kind)
-        modes, pushed = state.modes.reshape(-1), after.reshape(-1)
-        add_product(p.read, modes, rows.reshape(-1))
-        add_product(p.feed, given.reshape(-1), rows.reshape(-1))
-        turn_modes_of_one(p, modes, given, pushed)
-        add_product(p.push, given.reshape(-1), pushed)
-    else:
-        rows = np.dot(p.read, state.modes) + np.dot(p.feed, given)
-        turn_modes(p, state.modes, given, after)
+    Parameters
+    ----------
+    s : Sizes
+    limits : (4 blades F,) float
+        As of `move`.
+    push, feed : float
+        Of the parameters; `push` begins at row `first_push`.
+    azimuth, level, elapsed : float, float, int
+        At the reset, of the wind's response, actions since the reset.
+    wind : (rows + kept,) float
+        That response.
+    cosine, sine, square, met
+        What `begin` returned.
+    modes : (2 M,) float
+        At the end as if there were no stops; changed.
+    flaps : (4 blades F,) float
+    rows : (rows,) float
+        What the modes make of the rows; changed.
+    work : float
+        As of `move`.
+    given : (Q,) float
+        Motion that is free of stops.
+    inputs : (6 F,) float
+        To work in.
+    last, rbm_square, fixed_square, samples : float
+        Of this turbine's loads; filled.
+    """
+    k, count, each = s.steps, s.blades * s.flaps, BLADES * s.flaps
+    add_inputs(feed, 0, given, 0, s.given, rows)
     if met:
-        lost = np.empty((2 * k * width, n), kind)
         for j in range(k):
-            components(rate_lost, j * count, p, cosine, sine, lost, j * width)
-            components(jumps, j * count, p, cosine, sine, lost, (k + j) * width)
-        if n == 1:
-            add_product(p.stop_push, lost.reshape(-1), after.reshape(-1))
-            add_product(p.stop_feed, lost.reshape(-1), rows.reshape(-1))
-        else:
-            which = np.empty(n, np.int64)
-            several = 0
-            for t in range(n):
-                for i in range(count):
-                    if stopped[i, t] > 0.0:
-                        which[several] = t
-                        several += 1
-                        break
-            add_stops(p, lost, which[:several], after, rows)
-    read_loads(p, episode, state.elapsed, rows, flaps, stopped, square, cosine, sine, loads)
-    return State(elapsed, flaps, after), loads
+            took = work[2 * count + 2 * k * count + j]
+            if took == 0.0:
+                continue
+            # Rate is lost often, an angle jumps only where a moving flap hits its stop.
+            kinds = 2 if took > 1.0 else 1
+            first = s.given + 2 * j * each
+            for kind in range(kinds):
+                place = kind * each
+                components(s, limits, work, 2 * count + (2 * j + kind) * count, cosine, sine, inputs, place)
+            add_inputs(feed, first, inputs, 0, kinds * each, rows)
+            # What is lost in the last step does not reach the modes at its end.
+            if j < k - 1:
+                add_inputs(push, first_push + first, inputs, 0, kinds * each, modes)
+    for row in range(s.rows):
+        rows[row] += wind[row] * level
+    read_blades(s, rows, cosine, sine, last, rbm_square, samples)
+    place = s.blade_places * s.blades
+    for i in range(count):
+        last[place + i], last[place + count + i] = flaps[i], flaps[count + i]
+        last[place + 2 * count + i], last[place + 3 * count + i] = flaps[3 * count + i], work[count + i]
+    place += 4 * count
+    read_fixed(s, rows, wind, level, place, last, fixed_square, samples)
+    place += s.fixed_places + 1
+    angle = azimuth + s.turn * k * (elapsed + 1)
+    # Rounding must not leave a turn.
+    last[place] = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
+    last[place + 1] = cosine * s.cosine - sine * s.sine
+    last[place + 2] = sine * s.cosine + cosine * s.sine
+    return square / (k * count)
 
 
 @njit(**OPTIONS)
-def parameters_in(matrices, numbers):  # type: ignore[no-untyped-def]
-    """The parameters that `packed` made flat."""
-    sizes, reals = numbers[:12], numbers[12:16]
-    blades, flaps, modes, rows, given = int(sizes[3]), int(sizes[4]), int(sizes[10]), int(sizes[11]), 0
-    k, count = int(sizes[0]), blades * flaps
-    given = BLADES * flaps * (4 if reals[3] != 0.0 else 3)
-    stops = 2 * BLADES * flaps * k
-    each = numbers[16:]
-    decay, rest = matrices[: 2 * modes], matrices[2 * modes :]
-    push, rest = rest[: 2 * modes * given], rest[2 * modes * given :]
-    read, rest = rest[: rows * 2 * modes], rest[rows * 2 * modes :]
-    feed, rest = rest[: rows * given], rest[rows * given :]
-    stop_push, stop_feed = rest[: 2 * modes * stops], rest[2 * modes * stops :]
-    return Parameters(
-        k,
-        int(sizes[1]),
-        int(sizes[2]),
-        blades,
-        flaps,
-        int(sizes[5]),
-        int(sizes[6]),
-        int(sizes[7]),
-        int(sizes[8]),
-        sizes[9] != 0.0,
-        reals[0],
-        reals[1],
-        reals[2],
-        reals[3],
-        each[:count],
-        each[count : 2 * count],
-        each[2 * count : 3 * count],
-        each[3 * count : 4 * count],
-        decay.reshape((2, modes)),
-        push.reshape((2 * modes, given)),
-        read.reshape((rows, 2 * modes)),
-        feed.reshape((rows, given)),
-        stop_push.reshape((2 * modes, stops)),
-        stop_feed.reshape((rows, stops)),
+def sizes_of(p):  # type: ignore[no-untyped-def]
+    """Sizes of parameters."""
+    return Sizes(
+        p.steps,
+        p.intervals,
+        p.kept,
+        p.blades,
+        p.flaps,
+        p.blade_outputs,
+        p.fixed_outputs,
+        p.blade_places,
+        p.fixed_places,
+        int(p.record),
+        p.read.shape[1],
+        p.read.shape[0],
+        BLADES * p.flaps * (4 if p.lag_gain != 0.0 else 3),
+        p.time_step,
+        p.turn,
+        p.lag_decay,
+        p.lag_gain,
+        math.cos(p.turn * p.steps),
+        math.sin(p.turn * p.steps),
     )
 
 
-def packed(p: Parameters) -> tuple[FloatArray, Array]:
-    """Parameters as two flat arrays: their matrices, and everything else.
-
-    Every array that is handed to compiled code costs a tenth of a microsecond, and a step of one turbine takes one.
-    """
-    matrices = (p.decay, p.push, p.read, p.feed, p.stop_push, p.stop_feed)
-    sizes = [float(each) for each in p[:10]]
-    sizes += [p.decay.shape[1], p.read.shape[0]]
-    reals = [p.time_step, p.turn, p.lag_decay, p.lag_gain]
-    limits = (p.angle_limit, p.rate_limit, p.acceleration, p.effectiveness)
-    return np.concatenate([each.ravel() for each in matrices]), np.concatenate([sizes, reals, *limits])
+@njit(**OPTIONS)
+def work_size(s):  # type: ignore[no-untyped-def]
+    """Numbers `move` works with."""
+    return s.blades * s.flaps * (2 + 2 * s.steps) + s.steps
 
 
 @njit(**OPTIONS)
-def turbine_in(own, modes, responses):  # type: ignore[no-untyped-def]
-    """Episode and state of the one turbine that `turbine_packed` made flat."""
-    elapsed, place = np.empty(1, np.int64), np.empty(1, np.int64)
-    elapsed[0], place[0] = int(own[0]), int(own[1])
-    flaps = own[4:].reshape((4, (own.size - 4) // 4, 1))
-    return Episode(own[2:3], responses, place, own[3:4]), State(
-        elapsed, flaps, modes.reshape((modes.size, 1))
-    )
-
-
-def turbine_packed(episode: Episode, state: State) -> tuple[Array, FloatArray]:
-    """Episode and state of one turbine as two flat arrays: its modes, and everything else."""
-    own = [state.elapsed, episode.place, episode.azimuth, episode.level, state.flaps.ravel()]
-    return np.concatenate(own, dtype=float), state.modes.ravel()
-
-
-def turbine_unpacked(own: Array, modes: FloatArray) -> State:
-    """The state, of views."""
-    return State(own[:1].astype(np.int64), own[4:].reshape(4, -1, 1), modes.reshape(-1, 1))
-
-
-@njit(**OPTIONS)
-def own_after(own, state):  # type: ignore[no-untyped-def]
-    """`turbine_packed`'s first array, after a step."""
-    after = np.empty(own.size)
-    after[:4] = own[:4]
-    after[0] += 1.0
-    after[4:] = state.flaps.reshape(-1)
-    return after
+def last_size(s):  # type: ignore[no-untyped-def]
+    """Numbers a turbine tells of the last sample."""
+    return s.blade_places * s.blades + 4 * s.blades * s.flaps + s.fixed_places + 4
 
 
 def _entry(edition: int) -> Any:
     """The compiled step. What a function closes over is part of what numba looks for on disk."""
 
     @kept
-    def step(parameters, episode, state, actions):  # type: ignore[no-untyped-def]
+    def step(p, episode, state, actions):  # type: ignore[no-untyped-def]
         _ = edition
-        return advance(parameters, episode, state, actions)
+        s, n, count = sizes_of(p), state.elapsed.size, p.angle_limit.size
+        limits = np.concatenate((p.angle_limit, p.rate_limit, p.acceleration, p.effectiveness))
+        decay, push, read, feed, to_rows = p.decay, p.push, p.read, p.feed, p.read.T
+        kind = p.read.dtype
+        before, modes = state.flaps, state.modes
+        azimuth, level, place, responses = episode.azimuth, episode.level, episode.place, episode.responses
+        flaps, after, elapsed = np.empty(before.shape), np.empty(modes.shape, kind), np.empty(n, np.int64)
+        parts, after_parts = modes.reshape((2 * n, s.modes // 2)), after.reshape((2 * n, s.modes // 2))
+        last, rbm_square, angle_square = np.empty((n, last_size(s))), np.empty((n, s.blades)), np.empty(n)
+        fixed_square = np.empty((n, s.fixed_outputs))
+        wide = s.record * (s.blade_places * s.blades + 2 * count + s.fixed_places + 1)
+        samples = np.empty((n, s.steps * s.record, wide))
+        room = min(n, BLOCK)
+        work, given, inputs = (
+            np.empty((room, work_size(s))),
+            np.empty((room, s.given), kind),
+            np.empty(6 * s.flaps, kind),
+        )
+        begun = np.empty((room, 4))
+        pushed = push[: s.given]
+        block, own = np.empty((min(n, BLOCK), s.rows), kind), np.empty((min(n, BLOCK), 4 * count))
+        for first in range(0, n, BLOCK):
+            some = min(BLOCK, n - first)
+            if n > FEW:
+                np.dot(modes[first : first + some], to_rows, block[:some])
+            # A block at once: of a power of two of turbines, the same numbers share a place in the cache.
+            for i in range(4):
+                for f in range(count):
+                    for t in range(some):
+                        own[t, i * count + f] = before[i, f, first + t]
+            for t in range(some):
+                at = first + t
+                cosine, sine, square, met = begin(
+                    s,
+                    limits,
+                    azimuth[at],
+                    state.elapsed[at],
+                    actions[at],
+                    own[t],
+                    work[t],
+                    given[t],
+                    samples[at],
+                )
+                begun[t, 0], begun[t, 1], begun[t, 2], begun[t, 3] = cosine, sine, square, 1.0 * met
+            if n > FEW:
+                np.dot(given[:some], pushed, after[first : first + some])
+            for t in range(first, first + some):
+                rows, here = block[t - first], t - first
+                if n <= FEW:
+                    read_modes(read, 0, modes[t], rows)
+                    after[t, :] = 0.0
+                    add_inputs(push, 0, given[here], 0, s.given, after[t])
+                decayed(decay, parts, 2 * t, after_parts, 2 * t)
+                since = state.elapsed[t]
+                angle_square[t] = advance(
+                    s,
+                    limits,
+                    push,
+                    0,
+                    feed,
+                    azimuth[t],
+                    begun[here, 0],
+                    begun[here, 1],
+                    begun[here, 2],
+                    begun[here, 3] > 0.0,
+                    responses[place[t], min(since, s.intervals - 1)],
+                    level[t],
+                    since,
+                    after[t],
+                    own[here],
+                    rows,
+                    work[here],
+                    given[here],
+                    inputs,
+                    last[t],
+                    rbm_square[t],
+                    fixed_square[t],
+                    samples[t],
+                )
+                elapsed[t] = since + 1
+            for i in range(4):
+                for f in range(count):
+                    for t in range(some):
+                        flaps[i, f, first + t] = own[t, i * count + f]
+        loads = Loads(last, rbm_square, angle_square, fixed_square, samples)
+        return State(elapsed, flaps, after), loads
 
     return step
 

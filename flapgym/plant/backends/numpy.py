@@ -37,12 +37,13 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     modes, rows = _superposed(p, state.modes, given)
     met = np.flatnonzero(stopped.any(axis=0))
     if met.size:
-        lost = _components(p, np.concatenate([rate_lost, jumps])[:, :, met], azimuth[met])
-        modes[:, met] += p.stop_push @ lost
-        rows[:, met] += p.stop_feed @ lost
+        by_step = np.stack([rate_lost, jumps], axis=1).reshape(2 * p.steps, *command.shape)
+        lost = _components(p, by_step[:, :, met], azimuth[met])
+        modes[met] += lost[:, : len(p.push) - p.free] @ p.push[p.free :]
+        rows[met] += lost @ p.feed[p.free :]
     at = np.minimum(state.elapsed, p.intervals - 1)
     wind: Array = episode.responses[episode.place, at] * episode.level[:, None]
-    rows = rows.T.astype(float)
+    rows = rows.astype(float)
     rows += wind[:, : rows.shape[1]]
     flaps = flaps_after(p, state.flaps, motion, command)
     elapsed = state.elapsed + 1
@@ -109,16 +110,16 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
 
 
 def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tuple[FloatArray, FloatArray]:
-    """Modes after the interval (2 M, n) and rows (rows, n) as if no stop were there."""
-    p, count = parameters, len(modes) // 2
+    """Modes after the interval (n, 2 M) and rows (n, rows) as if no stop were there."""
+    p, count = parameters, modes.shape[1] // 2
     given = given.astype(modes.dtype)
-    (real, imaginary), (along, across) = p.decay[:, :, None], modes.reshape(2, count, -1)
-    after = p.push @ given
-    after[:count] += real * along - imaginary * across
-    after[count:] += real * across + imaginary * along
+    (real, imaginary), along, across = p.decay, modes[:, :count], modes[:, count:]
+    after = given @ p.push[: p.free]
+    after[:, :count] += real * along - imaginary * across
+    after[:, count:] += real * across + imaginary * along
     # What flaps at rest leave would decay to denormal numbers, which make a product ten times as long.
     after[np.abs(after) < np.finfo(after.dtype).tiny] = 0.0
-    return after, p.read @ modes + p.feed @ given
+    return after, modes @ p.read.T + given @ p.feed[: p.free]
 
 
 def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Array) -> Array:
@@ -129,14 +130,14 @@ def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Ar
 
 
 def _components(parameters: Parameters, values: Array, azimuth: Array) -> Array:
-    """Components (m F 3, n) of m quantities of every flap (m, blades F, n) in the frame of the start."""
-    p = parameters
-    acting = (values * p.effectiveness[:, None]).reshape(-1, p.blades, p.flaps, values.shape[-1])
+    """Components (n, m F 3) of m quantities of every flap (m, blades F, n) in the frame of the start."""
+    p, n = parameters, values.shape[-1]
+    acting = (values * p.effectiveness[:, None]).reshape(-1, p.blades, p.flaps, n)
     if p.blades == 1:
-        only = np.zeros((acting.shape[0], p.flaps, BLADES, values.shape[-1]))
-        only[:, :, 0] = acting[:, 0]
-        return only.reshape(-1, values.shape[-1])
-    return np.einsum("cbn,mbfn->mfcn", component_weights(azimuth), acting).reshape(-1, values.shape[-1])
+        only = np.zeros((n, acting.shape[0], p.flaps, BLADES))
+        only[:, :, :, 0] = acting[:, 0].transpose(2, 0, 1)
+        return only.reshape(n, -1)
+    return np.einsum("cbn,mbfn->nmfc", component_weights(azimuth), acting).reshape(n, -1)
 
 
 def _to_blades(azimuth: Array, blades: int) -> Array:

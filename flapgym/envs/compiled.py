@@ -17,6 +17,7 @@ from flapgym.plant.backends.numba import (
     EDITION,
     OPTIONS,
     advance,
+    first_cause,
     kept,
     own_after,
     packed,
@@ -137,16 +138,19 @@ class CompiledTurbine:
         ValueError
             If an action is not finite; nothing has changed then.
         """
-        status, own, modes, told, observation = _step(
-            self._matrices,
-            self._numbers,
-            self._responses,
-            self._scoring,
-            self._noise,
-            self._own,
-            self._modes,
-            action,
-        )
+        try:
+            status, own, modes, told, observation = _step(
+                self._matrices,
+                self._numbers,
+                self._responses,
+                self._scoring,
+                self._noise,
+                self._own,
+                self._modes,
+                action,
+            )
+        except SystemError as error:
+            raise first_cause(error) from None
         if status:
             raise ValueError("action: expected finite numbers")
         self._own, self._modes = own, modes

@@ -102,3 +102,29 @@ def test_without_numba_numpy_steps_the_plant(monkeypatch):
     assert chosen_backend("auto") == "numpy"
     with pytest.raises(ImportError, match="backend: numba cannot be imported .*; pip install numba, or take"):
         chosen_backend("numba")
+
+
+INTERRUPTED = """
+import signal, gymnasium, flapgym
+def interrupt(*_):
+    raise KeyboardInterrupt
+signal.signal(signal.SIGALRM, interrupt)
+for env in (gymnasium.make("flapgym/NREL5MW-v1"), gymnasium.make_vec("flapgym/NREL5MW-v1", num_envs=64)):
+    for _ in range(100):
+        env.reset(seed=0)
+        action = env.action_space.sample()
+        try:
+            signal.setitimer(signal.ITIMER_REAL, 0.003)
+            while not env.step(action)[3] is True:
+                pass
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        except KeyboardInterrupt:
+            pass
+"""
+
+
+def test_an_interrupt_in_the_midst_of_a_step_stays_one():
+    """Numba calls Python for what it returns; where an interrupt met named tuples the process came to its end."""
+    subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True
+    )

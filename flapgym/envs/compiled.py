@@ -23,6 +23,7 @@ from flapgym.plant.backends.numba import (
     advance,
     begin,
     decayed,
+    first_cause,
     kept,
     last_size,
     read_modes,
@@ -234,7 +235,7 @@ class CompiledTurbine:
         self._plant.state = State(
             elapsed=own[:1].astype(np.int64),
             flaps=own[OWN:modes].reshape(4, -1, 1).copy(),
-            modes=np.asarray(own[None, modes : self._first_told], dtype=p.read.dtype),
+            modes=own[None, modes : self._first_told].astype(self._plant.stepping.precision),
         )
 
     def step(self, action: FloatArray, observation: np.ndarray) -> Told:
@@ -248,16 +249,19 @@ class CompiledTurbine:
             Filled.
         """
         after = empty(self._size)
-        told = _step(
-            self._matrix,
-            self._plant.parameters.feed,
-            self._numbers,
-            self._responses,
-            self._own,
-            action,
-            after,
-            observation,
-        )
+        try:
+            told = _step(
+                self._matrix,
+                self._plant.parameters.feed,
+                self._numbers,
+                self._responses,
+                self._own,
+                action,
+                after,
+                observation,
+            )
+        except SystemError as error:
+            raise first_cause(error) from None
         if told[0]:
             self._own = after
         return told

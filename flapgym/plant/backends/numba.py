@@ -91,10 +91,19 @@ def kept(function: Any) -> Any:
         return njit(**OPTIONS)(function)
 
 
+def first_cause(error: BaseException) -> BaseException:
+    """What began it: an interrupt while results are handed to Python comes out as a SystemError, or one of that."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return error
+
+
 def run_kept(function: Any, *arguments: Any) -> Any:
     """Call a pure function whose code is kept; files damaged there are removed, and nothing there is needed."""
     try:
         return function(*arguments)
+    except SystemError as error:
+        raise first_cause(error) from None
     except Exception:
         # Numba unpickles what it kept, and of a file that is empty or cut comes any error.
         source = inspect.getfile(function.py_func)
@@ -572,8 +581,8 @@ def _entry(edition: int) -> Any:
                 for f in range(count):
                     for t in range(some):
                         flaps[i, f, first + t] = own[t, i * count + f]
-        loads = Loads(last, rbm_square, angle_square, fixed_square, samples)
-        return State(elapsed, flaps, after), loads
+        # Plain tuples: to make a named one Python's own code runs, and an interrupt there is the end of the process.
+        return (elapsed, flaps, after), (last, rbm_square, angle_square, fixed_square, samples)
 
     return step
 
@@ -585,4 +594,4 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     """Hold actions for k plant steps; as `flapgym.plant.backends.numpy.step`."""
     # Of one type: for another the code would be compiled anew, in the midst of an episode.
     after, loads = run_kept(_step, parameters, episode, state, np.array(actions, dtype=float))
-    return after, loads
+    return State(*after), Loads(*loads)

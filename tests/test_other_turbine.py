@@ -115,7 +115,7 @@ def test_the_comparison_names_the_turbine_and_its_figure_ends_at_the_flap_s_stop
     assert about["hub_height"] == pytest.approx(HUB_HEIGHT, abs=1e-3)
     draw(comparison)
     (figure,) = drawn
-    stop = np.rad2deg(model.flap_angle_limit)
+    stop = np.rad2deg(model.flaps[0].angle_limit)
     (axis,) = (axis for axis in figure.axes if axis.get_ylabel() == "flap angle [deg]")
     assert axis.get_ylim() == pytest.approx((-1.1 * stop, 1.1 * stop))
     assert "scaled15mw" in figure.axes[0].get_title(loc="left")
@@ -202,7 +202,7 @@ def flap_rows(model):
     """Radii over the rotor radius between which the flap of blade 1, upright and at its stop, is painted."""
     pytest.importorskip("pygame")
     screen = Screen(model, "rgb_array", 0.1)
-    angle = np.array([model.flap_angle_limit, 0.0, 0.0])
+    angle = np.array([model.flaps[0].angle_limit, 0.0, 0.0])
     screen.resume({"flap_angle": angle, "azimuth": 0.0}, 0)
     red = (screen.picture() == (200, 40, 40)).all(axis=2)[: int(HUB[1]), :310]
     rows = np.flatnonzero(red.any(axis=1))

@@ -155,21 +155,6 @@ class TurbineModel:
         return digest.hexdigest()
 
     @property
-    def flap_angle_limit(self) -> float:
-        """Largest angle of the first flap [rad]."""
-        return self.flaps[0].angle_limit
-
-    @property
-    def flap_rate_limit(self) -> float:
-        """Largest rate of the first flap [rad/s]."""
-        return self.flaps[0].rate_limit
-
-    @property
-    def acceleration_limit(self) -> float:
-        """Largest acceleration of the first flap [rad/s^2]."""
-        return self.flaps[0].acceleration_limit
-
-    @property
     def strips(self) -> int:
         """Strips of a blade whose wind is an input of its own; zero where the wind is homogeneous alone."""
         return (len(self.turbine.inputs) - len(turbine_inputs(len(self.flaps)))) // BLADES

@@ -133,7 +133,7 @@ def test_the_reward_is_minus_the_mean_square_of_every_sample_plus_the_named_term
         samples = info["samples"]
         assert samples["rbm"].shape == (7, 3)
         rbm = -np.mean(samples["rbm"] ** 2) / env.model.rbm_rms**2
-        flap = -0.3 * np.mean((samples["flap_angle"] / env.model.flap_angle_limit) ** 2)
+        flap = -0.3 * np.mean((samples["flap_angle"] / env.model.flaps[0].angle_limit) ** 2)
         tower = -2.0 * np.mean(samples["tower_fore_aft"] ** 2)
         assert info["reward_rbm"] == pytest.approx(rbm)
         assert info["reward_flap_angle"] == pytest.approx(flap)
@@ -473,8 +473,8 @@ def test_no_actions_push_a_flap_past_its_stops(actions, steps_per_action):
     env.reset(seed=0)
     for action in actions:
         observation, reward, terminated, _, info = env.step(action)
-        assert np.abs(info["samples"]["flap_angle"]).max() <= env.model.flap_angle_limit
-        assert np.abs(info["samples"]["flap_rate"]).max() <= env.model.flap_rate_limit
+        assert np.abs(info["samples"]["flap_angle"]).max() <= env.model.flaps[0].angle_limit
+        assert np.abs(info["samples"]["flap_rate"]).max() <= env.model.flaps[0].rate_limit
         assert observation in env.observation_space
         assert np.isfinite(reward)
         assert not terminated

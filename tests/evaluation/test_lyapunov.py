@@ -42,7 +42,7 @@ def test_open_loop_rms_agrees_with_the_lyapunov_equation(model):
 def test_closed_loop_rms_of_an_unsaturated_lqg_agrees_with_the_lyapunov_equation(model):
     agent = lqg_agent("lqg", model, Weights(0.25))
     record = simulate(agent, model, range(100, 148), 60.0)
-    assert np.abs(record.flap_angle).max() < model.flap_angle_limit
+    assert np.abs(record.flap_angle).max() < model.flaps[0].angle_limit
     rms = stationary_rms(model, agent.system)
     _check(record, rms)
     _assert_within_sampling_error(record.flap_angle[:, SETTLED:], rms["flap_angle"])

@@ -22,7 +22,7 @@ def test_compact_model_keeps_every_output_within_its_tolerance_in_simulation():
 def test_activity_moves_each_blade_s_flap_by_itself_by_half_its_stop_and_the_wind_by_its_intensity():
     driven = activity(MODEL)
     covariance = driven.C @ driven.stationary_covariance() @ driven.C.T
-    angle = 0.5 * MODEL.flap_angle_limit
+    angle = 0.5 * MODEL.flaps[0].angle_limit
     for azimuth in (0.0, 0.9):
         to_blade = to_blades(np.eye(3), azimuth)  # rows: components
         flaps = to_blade.T @ covariance[:3, :3] @ to_blade

@@ -15,7 +15,7 @@ def test_a_floating_flap_carries_no_load_and_a_stuck_one_does_not_move(backend):
     plant = plant_of(1, 5, 50, backend=backend, faults=faults)
     still = flown(plant, rest(plant), np.zeros((50, 1, 3)))
     moved = flown(plant, rest(plant), np.ones((50, 1, 3)))
-    assert moved.samples("flap_angle")[-1, 0, 0] == plant.model.flap_angle_limit
+    assert moved.samples("flap_angle")[-1, 0, 0] == plant.model.flaps[0].angle_limit
     np.testing.assert_array_equal(moved.samples("flap_angle")[:, 0, 1:], np.tile([0.02, -0.03], (250, 1)))
     assert not moved.samples("flap_rate")[:, 0, 1:].any()
     assert np.abs(still.samples("rbm")).max() > 1e4
@@ -73,7 +73,7 @@ def test_a_flap_follows_a_command_as_late_as_its_lag(backend, lag):
     size = 0.01
     flight = flown(plant, rest(plant), np.full((4, 1, 3), size))
     time = plant.model.time_step * np.arange(1, 21)
-    command = size * plant.model.acceleration_limit
+    command = size * plant.model.flaps[0].acceleration_limit
     expected = command * (time - lag * (1.0 - np.exp(-time / lag)))
     for blade in range(3):
         assert_near(flight.samples("flap_rate")[:, 0, blade], expected, 1e-12, "rate")

@@ -24,7 +24,7 @@ def test_flap_responses_agree_with_the_plain_simulation_to_1e9(backend):
     plant = plant_of(1, 5, 200, model, backend)
     action = actions_of(plant, 200, 0)
     flight = flown(plant, rest(plant, azimuth=np.array([2.0])), action)
-    acceleration = np.repeat(model.acceleration_limit * action[:, 0], 5, axis=0)
+    acceleration = np.repeat(model.flaps[0].acceleration_limit * action[:, 0], 5, axis=0)
     expected = run(model, acceleration, np.zeros(1001), 2.0)
     for name, values in expected.outputs.items():
         assert_near(flight.samples(name)[:, 0], values[1:], 1e-9, name)

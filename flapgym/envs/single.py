@@ -161,7 +161,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `full_info` | `False` | arrays in `info`, see Information |
     | `record_samples` | `False` | put every plant sample into `info` |
     | `precision` | `"float64"` | `"float32"` halves memory and time of large batches, see docs/speed.md |
-    | `backend` | `"auto"` | `"numba"` (extra `fast`), `"numpy"`, or the first installed; equal to round-off |
+    | `backend` | `"auto"` | `"numba"`, `"numpy"`, or the first that can be imported; equal to round-off |
     | `render_mode` | `None` | `"rgb_array"` or `"human"`; `FlapVectorEnv` has the first alone |
 
     `actuators.stuck` and `actuators.effectiveness` have one entry a blade, for all its flaps, or one a flap.

@@ -12,7 +12,7 @@ from benchmarks.environment.timing import best_of
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
 from flapgym.model import TurbineModel, load_model
-from flapgym.model.compact import compact_model
+from flapgym.model.reduced import reduced_model
 from flapgym.plant import Start, Stepping, make_plant
 from flapgym.plant.modal import modal_form
 from flapgym.turbine import load_case
@@ -145,7 +145,7 @@ def cost_by_order(
     """Tolerance, order, and plant steps per second of one turbine and of 1024 (five steps an action, float64)."""
     model = load_model()
     models = {"the shipped model": model} | {
-        f"{100 * tolerance:g} % of rms": compact_model(model, tolerance) for tolerance in tolerances
+        f"{100 * tolerance:g} % of rms": reduced_model(model, tolerance) for tolerance in tolerances
     }
     calls = {
         (name, count): by_plant(each, count, 5, "auto", "float64", 100)

@@ -29,8 +29,8 @@ from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.core.arrays import Array
 from flapgym.core.units import DEGREE
 from flapgym.model import TurbineModel, load_model, save_model
-from flapgym.model.compact import compact_model
 from flapgym.model.harmonics import simulate_periodic
+from flapgym.model.reduced import reduced_model
 from flapgym.turbine import Case, load_case
 from reference.floquet import floquet_multipliers
 from studies.parts import Study
@@ -194,7 +194,7 @@ def forms() -> None:
     table("Time-invariant form against A(theta) at exact azimuths, rms [%]", ["inputs", *OUTPUTS], rows)
     model, rows = load_model("nrel5mw-rated"), []
     for tolerance in (0.01, 0.001):
-        small = compact_model(model, tolerance)
+        small = reduced_model(model, tolerance)
         error = small.record.errors["turbine reduced as a whole"]
         rows.append([f"{tolerance:.1%}", f"{small.turbine.order}", f"{error:.3%}"])
     table("Reduced once more as a whole", ["tolerance", "states", "worst output's error"], rows)

@@ -31,9 +31,9 @@ from flapgym.aeroelastic.unequal import (
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace, delayed, series
 from flapgym.core.wording import number
-from flapgym.model.compact import compact_model
 from flapgym.model.harmonics import TOLERANCE, fourier_series
 from flapgym.model.record import Record, readings
+from flapgym.model.reduced import reduced_model
 from flapgym.model.signals import flap_names, grouped, turbine_inputs
 from flapgym.model.turbine_model import ModelFlap, TurbineModel
 from flapgym.reduction import ReducedSystem, normal_modes, output_rms
@@ -133,7 +133,7 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         record=Record(tools=tools(), readings=readings(case), errors=errors),
     )
     tolerance = case.reduction.coupled_tolerance
-    return compact_model(model, tolerance) if tolerance else model
+    return reduced_model(model, tolerance) if tolerance else model
 
 
 def refuse_unstable(case: Case, systems: Mapping[str, StateSpace]) -> None:

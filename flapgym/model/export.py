@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from flapgym.core.atomic import write_atomically
 from flapgym.core.fields import Numbers
 from flapgym.core.state_space import StateSpace
-from flapgym.model.compact import compact_blade, compact_model
+from flapgym.model.reduced import reduced_blade, reduced_model
 from flapgym.model.turbine_model import TurbineModel
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ExportWarning",
-    "compact_blade",
-    "compact_model",
+    "reduced_blade",
+    "reduced_model",
     "save_mat",
     "to_control",
     "to_dlti",
@@ -57,7 +57,7 @@ def to_control(system: StateSpace) -> control.StateSpace:
     """The system as a python-control ``StateSpace`` with the same input and output names.
 
     Simulation, frequency responses and designs on the matrices are exact; `ss2tf` is not, nor is `balred`, which knows
-    nothing of the units: see `to_zpk` and `compact_blade`.
+    nothing of the units: see `to_zpk` and `reduced_blade`.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def _warn(system: StateSpace, unsafe: str) -> None:
     if system.order > LARGEST_TRANSFER_FUNCTION:
         warnings.warn(
             f"{unsafe} pass through a transfer function or know no units, and lose all digits at order "
-            f"{system.order}: take StateSpace.frequency_response, or to_frd, to_zpk and compact_blade of "
+            f"{system.order}: take StateSpace.frequency_response, or to_frd, to_zpk and reduced_blade of "
             "flapgym.model.export",
             ExportWarning,
             stacklevel=3,

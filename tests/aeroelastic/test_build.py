@@ -13,8 +13,8 @@ from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, turbine_equations
 from flapgym.aeroelastic.trim import trim
 from flapgym.model import TurbineModel, load_model
-from flapgym.model.compact import activity
 from flapgym.model.multiblade import to_blades, to_components
+from flapgym.model.reduced import activity
 from flapgym.reduction import normal_modes, relative_error
 from flapgym.structure import linear_support
 from flapgym.turbine import load_case
@@ -188,10 +188,10 @@ def test_convected_gust_acts_later_and_weaker_at_high_frequency_and_alike_when_s
 
 
 def test_coupled_tolerance_shrinks_the_turbine_and_is_kept(small):
-    compact = build_model(coarse(coupled_tolerance=1e-2))
-    assert compact.turbine.order < small.turbine.order
+    reduced = build_model(coarse(coupled_tolerance=1e-2))
+    assert reduced.turbine.order < small.turbine.order
     weight = activity(small)
-    assert relative_error(small.turbine, compact.turbine, weight).max() <= 1e-2
+    assert relative_error(small.turbine, reduced.turbine, weight).max() <= 1e-2
 
 
 def test_aerodynamic_tolerance_drops_the_states_the_singular_values_call_small(small):

@@ -15,9 +15,9 @@ from flapgym.aeroelastic.transform import in_multiblade
 from flapgym.aeroelastic.unequal import assemble_unequal
 from flapgym.core.state_space import series
 from flapgym.model import blade_flap_inputs, flap_inputs, load_model, save_model
-from flapgym.model.compact import activity, compact_model
 from flapgym.model.multiblade import to_blades
 from flapgym.model.nameplate import nameplate
+from flapgym.model.reduced import activity, reduced_model
 from flapgym.turbine import load_case
 from reference.exact import harmonic_response
 
@@ -206,4 +206,4 @@ def test_compact_model_keeps_its_tolerance_with_three_flaps_that_each_move_by_th
     angles = to_blade @ covariance[:9, :9] @ to_blade.T
     limits = np.repeat([0.5 * flap.angle_limit for flap in three.flaps], 3)
     np.testing.assert_allclose(angles, np.diag(limits**2), atol=1e-9)
-    assert compact_model(three, 1e-2).turbine.order < three.turbine.order
+    assert reduced_model(three, 1e-2).turbine.order < three.turbine.order

@@ -11,7 +11,7 @@ import scipy.signal
 from flapgym.model import load_model
 from flapgym.model.export import (
     ExportWarning,
-    compact_blade,
+    reduced_blade,
     save_mat,
     to_control,
     to_dlti,
@@ -84,7 +84,7 @@ def test_what_the_warning_says_of_scipy_is_so():
 
 
 def test_a_small_system_is_handed_out_without_a_warning_and_answers_as_itself_everywhere():
-    small = compact_blade(MODEL, 0.05)
+    small = reduced_blade(MODEL, 0.05)
     assert small.order <= 6
     for source in small.inputs:
         channel = small.select([source], ["rbm"])
@@ -96,7 +96,7 @@ def test_a_small_system_is_handed_out_without_a_warning_and_answers_as_itself_ev
 
 
 def test_a_reduced_blade_answers_turbulence_and_flap_within_its_tolerance():
-    small = compact_blade(MODEL, 1e-3)
+    small = reduced_blade(MODEL, 1e-3)
     assert small.order < 0.4 * BLADE.order
     np.testing.assert_allclose(small.dc_gain(), BLADE.dc_gain(), rtol=1e-9)
     below = FREQUENCY[FREQUENCY < 1.5]

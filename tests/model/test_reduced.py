@@ -1,20 +1,20 @@
-"""The compact model keeps what it promises, measured in time on fresh inputs."""
+"""The reduced model keeps what it promises, measured in time on fresh inputs."""
 
 import numpy as np
 import pytest
 
 from flapgym.model import load_model
-from flapgym.model.compact import activity, compact_model
 from flapgym.model.multiblade import to_blades, to_components
+from flapgym.model.reduced import activity, reduced_model
 
 MODEL = load_model("nrel5mw-rated")
 
 
 def test_compact_model_keeps_every_output_within_its_tolerance_in_simulation():
-    compact = compact_model(MODEL, 1e-2)
-    assert compact.turbine.order < 100
+    reduced = reduced_model(MODEL, 1e-2)
+    assert reduced.turbine.order < 100
     u = activity(MODEL).simulate(np.random.default_rng(4).standard_normal((40_000, 7)))
-    exact, ours = MODEL.turbine.simulate(u)[5000:], compact.turbine.simulate(u)[5000:]
+    exact, ours = MODEL.turbine.simulate(u)[5000:], reduced.turbine.simulate(u)[5000:]
     error = np.sqrt(((ours - exact) ** 2).mean(axis=0) / (exact**2).mean(axis=0))
     assert error.max() < 1.5e-2  # the tolerance and the sampling error of 280 s
 
@@ -47,4 +47,4 @@ def test_activity_s_flaps_move_on_their_blades_as_one_filter_whatever_the_azimut
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, float("nan")])
 def test_tolerance_out_of_range_is_refused(tolerance):
     with pytest.raises(ValueError, match=r"tolerance: expected 0 < number < 1"):
-        compact_model(MODEL, tolerance)
+        reduced_model(MODEL, tolerance)

@@ -22,7 +22,7 @@ _FLAP_BANDWIDTH = 1.0  # Hz
 _FLAP_SHARE = 0.5  # of the angle limit
 
 
-def compact_model(model: TurbineModel, tolerance: float) -> TurbineModel:
+def reduced_model(model: TurbineModel, tolerance: float) -> TurbineModel:
     """A model of few states whose outputs stay within a tolerance of the full one's.
 
     Parameters
@@ -48,8 +48,8 @@ def compact_model(model: TurbineModel, tolerance: float) -> TurbineModel:
     return replace(model, turbine=turbine, record=replace(model.record, errors=errors))
 
 
-def compact_blade(model: TurbineModel, tolerance: float) -> StateSpace:
-    """The clamped blade in few states, its outputs within a tolerance as those of `compact_model`.
+def reduced_blade(model: TurbineModel, tolerance: float) -> StateSpace:
+    """The clamped blade in few states, its outputs within a tolerance as those of `reduced_model`.
 
     The wind and its own flap are weighed as they come, in which a balanced truncation by itself errs: it takes a radian
     of flap for as likely as a metre per second of wind, and a metre of the tip for as much as a newton metre.
@@ -73,7 +73,7 @@ def smallest(system: StateSpace, weight: StateSpace, tolerance: float) -> tuple[
     ValueError
         If the tolerance is out of range.
     """
-    Quantity("number", above=0.0, below=1.0).check(tolerance, "compact_model.tolerance")
+    Quantity("number", above=0.0, below=1.0).check(tolerance, "reduced_model.tolerance")
     balanced = balance(system, weight)
     # The error falls with the order but not strictly, so bisection finds a small order, near the least.
     low, high, best, least = 0, system.order, system, 0.0
@@ -96,7 +96,7 @@ def activity(model: TurbineModel) -> StateSpace:
     """
     if model.strips:
         raise ValueError(
-            "compact_model: expected a homogeneous wind, got one by strip, which is weighed by no spectrum here; "
+            "reduced_model: expected a homogeneous wind, got one by strip, which is weighed by no spectrum here; "
             "take the model as it is, or one without strip winds"
         )
     wind = von_karman_filter(

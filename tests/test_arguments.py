@@ -247,6 +247,7 @@ def test_an_argument_without_meaning_is_refused_by_name(call, text):
 
 ELSEWHERE = {
     "tests/model/test_model_file.py": ("builtin_models", "load_model", "save_model"),
+    "tests/model/test_model_set.py": ("load_model_set", "save_model_set"),
     "tests/control/test_agents.py": ("agent_design", "load_agent", "save_agent"),
     "tests/control/test_time_step.py": ("balance", "design_model", "relative_error", "stability"),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
@@ -263,10 +264,11 @@ ELSEWHERE = {
 }
 """Functions whose refusals have a test of their own."""
 CHECKED_ALREADY = {
-    "as_json", "as_markdown", "as_text", "lqg_agent", "made_for", "multiblade_pid_agent", "output_rms", "pd_agent",
-    "pid_agent", "register_environments", "run", "synthesise", "white_wind", "write_report",
+    "as_json", "as_markdown", "as_text", "lqg_agent", "blade_flap_inputs", "flap_inputs", "made_for", "multiblade_pid_agent", "output_rms", "pd_agent",
+    "pid_agent", "register_environments", "run", "simulate_together", "strip_inputs", "synthesise", "white_wind", "write_report",
 }  # fmt: skip
-"""Those that take nothing but data classes which check themselves, or no argument at all."""
+"""Those that take nothing but data classes which check themselves, a count of what exists, or no argument at all; and
+`simulate_together`, which `simulate` calls with its own."""
 
 
 @pytest.mark.parametrize(

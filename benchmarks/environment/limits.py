@@ -86,7 +86,8 @@ def _bound(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
 def work_per_step(model: TurbineModel, steps_per_action: int) -> float:
     """Multiply-adds of a plant step of one turbine that meets no stop."""
     p = constants(model, steps_per_action)
-    return (p.read.size + p.feed.size + p.push.size + 2 * p.decay.size) / steps_per_action
+    free = p.feed[: p.free].size + p.push[: p.free].size  # the rest is for stops
+    return (p.read.size + free + 2 * p.decay.size) / steps_per_action
 
 
 def memory_per_turbine(model: TurbineModel, intervals: int, steps_per_action: int, precision: str) -> int:

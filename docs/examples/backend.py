@@ -20,10 +20,12 @@ def step(parameters, episode, state, actions):
         own = episode._replace(
             azimuth=episode.azimuth[some], place=episode.place[some], level=episode.level[some]
         )
-        return plain.step(parameters, own, State(*(each[..., some] for each in state)), actions[some])
+        theirs = State(state.elapsed[some], state.flaps[:, :, some], state.modes[some])
+        return plain.step(parameters, own, theirs, actions[some])
 
     states, loads = zip(*pool.map(part, np.array_split(np.arange(len(actions)), THREADS)), strict=True)
-    after = State(*(np.concatenate(each, axis=-1) for each in zip(*states, strict=True)))
+    elapsed, flaps, modes = zip(*states, strict=True)
+    after = State(np.concatenate(elapsed), np.concatenate(flaps, axis=2), np.concatenate(modes))
     return after, Loads(*(np.concatenate(each) for each in zip(*loads, strict=True)))
 
 

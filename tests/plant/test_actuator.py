@@ -100,7 +100,7 @@ def test_no_motion_passes_a_stop_and_free_motion_and_what_stops_did_add_up_to_it
     assert np.abs(marched[0]).max() <= ANGLE
     assert np.abs(marched[1]).max() <= RATE
     free = _free(steps, lag, np.array([*flap, lagged][: 4 if lag else 3]))
-    stopped = deviations(steps, DT) @ np.concatenate([lost, jumps])
+    stopped = deviations(steps, DT) @ np.stack([lost, jumps], axis=1).ravel()
     rebuilt = free + stopped.reshape(steps + 1, 2).T
     # Round-off of what the free motion would have reached.
     size = np.abs(free).max(axis=1, keepdims=True) + np.array([[ANGLE], [RATE]])

@@ -38,7 +38,6 @@ def test_a_mapping_makes_the_wind_that_writes_it():
         "turbulence_intensity": [0.1, 0.2],
         "length_scale": 170.0,
         "gust": {"kind": "step", "size": 1.0, "start": 2.0},
-        "pool": 0,
     }
     wind = from_plain(Wind, plain, "wind")
     assert wind == Wind((0.1, 0.2), 170.0, Step(1.0, 2.0))

@@ -17,11 +17,10 @@ def step(parameters, episode, state, actions):
     """Hold actions (n, flaps) for an interval: the new state and the loads; nothing given is changed."""
 
     def part(some):
-        own = episode._replace(
-            azimuth=episode.azimuth[some], place=episode.place[some], level=episode.level[some]
-        )
-        theirs = State(state.elapsed[some], state.flaps[:, :, some], state.modes[some])
-        return plain.step(parameters, own, theirs, actions[some])
+        azimuth, place, level = (each[some] for each in (episode.azimuth, episode.place, episode.level))
+        own = episode._replace(azimuth=azimuth, place=place, level=level)
+        begun = State(state.elapsed[some], state.flaps[:, :, some], state.modes[some])
+        return plain.step(parameters, own, begun, actions[some])
 
     states, loads = zip(*pool.map(part, np.array_split(np.arange(len(actions)), THREADS)), strict=True)
     elapsed, flaps, modes = zip(*states, strict=True)

@@ -1,4 +1,4 @@
-"""A wind of one's own: a bell-shaped gust, named by a mapping, and how much of its moment the shipped LQG takes off."""
+"""A wind of one's own, a bell-shaped gust, and what of its loads the shipped LQG takes off."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -7,7 +7,7 @@ import numpy as np
 
 from flapgym.control import OpenLoop, load_agent
 from flapgym.core.fields import Quantity, check_fields
-from flapgym.evaluation import simulate
+from flapgym.evaluation import measure, simulate
 from flapgym.model import load_model
 from flapgym.wind.gusts import GUSTS
 
@@ -29,9 +29,9 @@ class Bell:
         return self.size * np.exp(-0.5 * ((time - self.middle) / self.width) ** 2)
 
 
-GUSTS[Bell.kind] = Bell  # only so that a mapping may name it; an object needs no entry
-wind = {"gust": {"kind": "bell", "size": 3.0}, "turbulence_intensity": 0.0}
+GUSTS[Bell.kind] = Bell  # only so that a mapping may name it, {"kind": "bell", "size": 3.0}
+wind = {"gust": Bell(3.0), "turbulence_intensity": 0.0}  # on top of the model's turbulence, if that is left
 model = load_model()
 records = [simulate(each, model, [0], 30.0, wind=wind) for each in (OpenLoop(), load_agent("lqg", model))]
-largest = [float(np.abs(record.rbm).max()) / 1e6 for record in records]
-print("largest root moment: {:.2f} MN m at rest, {:.2f} MN m with LQG".format(*largest))
+for name, loads in zip(("rest", "lqg"), map(measure, records), strict=True):  # (realisations, blades), N m
+    print(f"{name}: rms {loads.rbm_rms.mean() / 1e6:.2f} MN m, DEL {loads.rbm_del.mean() / 1e6:.2f} MN m")

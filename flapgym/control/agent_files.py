@@ -218,7 +218,8 @@ def _read(path: Path) -> dict[str, Any]:
         content = read_json(path, LARGEST)
     except FileNotFoundError as error:
         raise ValueError(
-            f"agent {error}; give the path of an agent's .json file, or one of {', '.join(AGENT_NAMES)}"
+            f"agent {error}; give the path of an agent's .json file, which flapgym.control.save_agent writes, "
+            f"or one of {', '.join(AGENT_NAMES)}"
         ) from None
     except ValueError as error:
         raise ValueError(f"agent {error}") from None

@@ -327,7 +327,10 @@ class Kind:
         if isinstance(value, self.interface) and not isinstance(value, type):
             return value
         if not isinstance(value, Mapping):
-            raise ValueError(f"{name}: expected a mapping such as {dict(self.example)}, got {shown(value)}")
+            raise ValueError(
+                f"{name}: expected a mapping such as {dict(self.example)}, or an object with "
+                f"{self.interface.__name__}'s attributes, got {shown(value)}"
+            )
         kind = Choice(tuple(self.classes)).check(value.get("kind"), f"{name}.kind")
         return from_plain(self.classes[kind], {key: value[key] for key in value if key != "kind"}, name)
 

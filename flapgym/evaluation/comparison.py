@@ -192,6 +192,10 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
     )
 
 
+_PARTS = ("name", "observe", "steps_per_action", "model_hash", "predict")
+"""What an agent has."""
+
+
 def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
     """Agents ready to run, open loop first; two of one name would share a row."""
     if not isinstance(agents, Sequence) or isinstance(agents, str | bytes):
@@ -200,9 +204,11 @@ def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: Turbin
         )
     found = [load_agent(a, model) if isinstance(a, str | os.PathLike) else a for a in agents]
     for agent in found:
-        if not hasattr(agent, "predict"):
+        lacking = [part for part in _PARTS if not hasattr(agent, part)]
+        if lacking or isinstance(agent, type):
+            what = "a class; make an object of it" if isinstance(agent, type) else f"it has no {lacking[0]}"
             raise ValueError(
-                f"agents: expected names, files or agents (flapgym.control.Agent), got {shown(agent)}"
+                f"agents: expected names, files or agents (flapgym.control.Agent), got {shown(agent)}: {what}"
             )
         check_agent(agent, OBSERVABLES)
     ordered: tuple[Agent, ...] = (OpenLoop(), *(agent for agent in found if not isinstance(agent, OpenLoop)))

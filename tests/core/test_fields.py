@@ -154,7 +154,8 @@ def test_an_object_of_another_s_class_passes_where_it_has_what_is_asked_for():
         ({"more": [{}, {"lag": -1}]}, r"more\[1\].lag: expected a time from 0 to 60 s, got -1 s"),
         (
             {"shape": "square"},
-            "shape: expected a mapping such as {'kind': 'square', 'side': 1.0}, got 'square'",
+            "shape: expected a mapping such as {'kind': 'square', 'side': 1.0}, or an object with Shape's "
+            "attributes, got 'square'",
         ),
         ({"shape": Square}, "shape: expected a mapping such as"),
         ({"shape": {"side": 1.0}}, "shape.kind: expected 'square', got None"),

@@ -58,9 +58,3 @@ def to_components(blades: Array, azimuth: Array | float) -> Array:
     cosine = 2.0 / BLADES * (blades * np.cos(angle)).sum(axis=-1)
     sine = 2.0 / BLADES * (blades * np.sin(angle)).sum(axis=-1)
     return np.stack([mean, cosine, sine], axis=-1)
-
-
-def component_weights(azimuth: Array) -> Array:
-    """(3 components, 3 blades, n) of each blade's signal in the components at rotor azimuth (n,) [rad]."""
-    angle = blade_azimuths(azimuth).T
-    return np.stack([np.ones_like(angle), 2.0 * np.cos(angle), 2.0 * np.sin(angle)]) / BLADES

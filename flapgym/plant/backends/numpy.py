@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, BoolArray, FloatArray
-from flapgym.model.multiblade import blade_azimuths, component_weights
+from flapgym.model.multiblade import blade_azimuths
 from flapgym.plant.actuator import TOUCH, flap_step, free_motion
 from flapgym.plant.parameters import Episode, Loads, Parameters, State
 from flapgym.plant.telling import tell
@@ -33,12 +33,13 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     command: Array = np.clip(np.asarray(actions, dtype=float), -1.0, 1.0).T * p.acceleration[:, None]
     motion, rate_lost, jumps, stopped = move(p, state.flaps, command)
     start = [state.flaps[0], state.flaps[1], command, *([state.flaps[2]] if p.lag_gain else [])]
-    given = _components(p, np.stack(start), azimuth)
+    transform = _to_blades(azimuth, p.blades)
+    given = _components(p, np.stack(start), transform)
     modes, rows = _superposed(p, state.modes, given)
     met = np.flatnonzero(stopped.any(axis=0))
     if met.size:
         by_step = np.stack([rate_lost, jumps], axis=1).reshape(2 * p.steps, *command.shape)
-        lost = _components(p, by_step[:, :, met], azimuth[met])
+        lost = _components(p, by_step[:, :, met], transform[met])
         modes[met] += lost[:, : len(p.push) - p.free] @ p.push[p.free :]
         rows[met] += lost @ p.feed[p.free :]
     at = np.minimum(state.elapsed, p.intervals - 1)
@@ -47,7 +48,6 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     rows += wind[:, : rows.shape[1]]
     flaps = flaps_after(p, state.flaps, motion, command)
     elapsed = state.elapsed + 1
-    transform = _to_blades(azimuth, p.blades)
     blade_rows = rows[:, : rows.shape[1] - p.fixed_outputs * p.kept].reshape(n, -1, BLADES) @ transform
     loads = tell(
         p,
@@ -129,15 +129,13 @@ def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Ar
     return np.stack([motion[-1, 0], motion[-1, 1], lagged, travel])
 
 
-def _components(parameters: Parameters, values: Array, azimuth: Array) -> Array:
-    """Components (n, m F 3) of m quantities of every flap (m, blades F, n) in the frame of the start."""
+def _components(parameters: Parameters, values: Array, transform: Array) -> Array:
+    """Components (n, m F 3) of m quantities of every flap (m, blades F, n), by the inverse of `_to_blades`."""
     p, n = parameters, values.shape[-1]
     acting = (values * p.effectiveness[:, None]).reshape(-1, p.blades, p.flaps, n)
-    if p.blades == 1:
-        only = np.zeros((n, acting.shape[0], p.flaps, BLADES))
-        only[:, :, :, 0] = acting[:, 0].transpose(2, 0, 1)
-        return only.reshape(n, -1)
-    return np.einsum("cbn,mbfn->nmfc", component_weights(azimuth), acting).reshape(n, -1)
+    # A mean, and a cosine and a sine whose squares sum to half the blades.
+    scale = np.array([1.0, 2.0, 2.0])[:, None] / p.blades
+    return np.einsum("ncb,mbfn->nmfc", transform * scale, acting).reshape(n, -1)
 
 
 def _to_blades(azimuth: Array, blades: int) -> Array:

@@ -216,19 +216,21 @@ class Scoring(NamedTuple):
 
 def observe(scoring: Scoring, last: Array, noise: Array | None = None) -> np.ndarray:
     """Observations (n, observed) float32 of a plant's numbers (n, size), with measurement noise (n, blades) [N m]."""
-    values = last[:, scoring.columns]
+    values = last.take(scoring.columns, axis=1)
     if noise is not None:
-        values = values + np.where(scoring.noisy >= 0, noise[:, scoring.noisy], 0.0)
+        values += np.where(scoring.noisy >= 0, noise[:, scoring.noisy], 0.0)
+    values *= scoring.factors
     # Rounded before it is bounded: a stop rounded up to float32 would leave the space.
-    packed, bound = (values * scoring.factors).astype(np.float32), scoring.bounds.astype(np.float32)
-    return np.maximum(np.minimum(packed, bound), -bound)
+    packed, bound = values.astype(np.float32), scoring.bounds.astype(np.float32)
+    np.minimum(packed, bound, out=packed)
+    return np.maximum(packed, -bound, out=packed)
 
 
-def rewards(scoring: Scoring, loads: Loads) -> Array:
-    """Reward and its terms for moments, flap angles and tower, (n, 4)."""
+def rewards(scoring: Scoring, loads: Loads) -> tuple[Array, Array, Array, Array]:
+    """Reward and its terms for moments, flap angles and tower, (n,) each and fresh."""
     of_moments = -scoring.rbm_weight * loads.rbm_square.sum(axis=1) / loads.rbm_square.shape[1]
     of_angles = -scoring.angle_weight * loads.angle_square
     of_tower = np.zeros(len(of_moments))
     if scoring.fore_aft >= 0:
         of_tower = -scoring.tower_weight * loads.fixed_square[:, scoring.fore_aft]
-    return np.stack([of_moments + of_angles + of_tower, of_moments, of_angles, of_tower], axis=1)
+    return of_moments + of_angles + of_tower, of_moments, of_angles, of_tower

@@ -29,7 +29,7 @@ from flapgym.envs.states import (
 )
 from flapgym.envs.task import CHEAP, observe, places, rewards
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant import LinearPlant, Loads, Start, Stepping, chosen_backend, make_plant
+from flapgym.plant import LinearPlant, Loads, Quantities, Start, Stepping, chosen_backend, make_plant
 from flapgym.plant.fingerprint import fingerprint
 from flapgym.reduction import output_rms
 from flapgym.wind import von_karman_filter
@@ -98,6 +98,8 @@ class Turbines:
         self.scoring = task.on(self.model, self.quantities)
         self.observed = places(task, self.model, self.quantities)
         """Where each name stands in an observation."""
+        self._told = columns_told(self.quantities, self.quantities.last)
+        self._sampled = columns_told(self.quantities, self.quantities.sample)
         self.intensity = wind.intensities(count, self.model.turbulence_intensity)
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
@@ -194,23 +196,13 @@ class Turbines:
         if self._noise.size:
             now = self._noise[np.arange(self.count), np.minimum(elapsed, self.stepping.intervals)]
         observation = observe(self.scoring, self._as_measured(loads), now)
-        scores = rewards(self.scoring, loads)
+        reward, of_moments, of_angles, of_tower = rewards(self.scoring, loads)
         info = self.info(loads.last)
         info["rbm_mean_square"] = loads.rbm_square
-        for column, name in enumerate(("reward_rbm", "reward_flap_angle", "reward_tower"), start=1):
-            info[name] = scores[:, column].copy()
+        info["reward_rbm"], info["reward_flap_angle"], info["reward_tower"] = of_moments, of_angles, of_tower
         if self.settings.record_samples:
-            info["samples"] = {
-                name: loads.samples[:, :, place if name in self.per_blade else place.start].copy()
-                for name, place in self.quantities.sample.items()
-            }
-        reward = scores[:, 0].copy()
+            info["samples"] = {name: loads.samples[:, :, place].copy() for name, place in self._sampled}
         return observation, reward, ~np.isfinite(reward), elapsed >= self.stepping.intervals, info
-
-    @property
-    def per_blade(self) -> tuple[str, ...]:
-        """Quantities with a number for each blade or flap, however many those are."""
-        return (*self.quantities.blade_outputs, "flap_angle", "flap_rate", "flap_travel", "flap_stopped")
 
     def _as_measured(self, loads: Loads) -> Array:
         """The plant's numbers with the moments as late as the sensors are."""
@@ -225,15 +217,15 @@ class Turbines:
 
     def info(self, last: Array) -> Info:
         """SI quantities of the last sample, for n turbines; copies, because a view would keep all numbers alive."""
-        told: Info = {}
-        for name, place in self.quantities.last.items():
-            if name == "heading" or (name == "azimuth" and self.quantities.blades == 1):
-                continue
-            told[name] = last[:, place if name in self.per_blade else place.start].copy()
+        told: Info = {name: last[:, place].copy() for name, place in self._told}
         told["wind_perturbation"] = told.pop("wind")
         told["flap_stopped"] = told["flap_stopped"] != 0.0
         if self.quantities.blades == BLADES:
-            told["tower_top"] = np.stack([told.pop(name) for name in TOWER_TOP], axis=1)
+            told["tower_top"] = np.empty((len(last), len(TOWER_TOP)))
+            for column, name in enumerate(TOWER_TOP):
+                told["tower_top"][:, column] = told.pop(name)
+        else:
+            del told["azimuth"]
         return told
 
     def get_state(self) -> dict[str, Any]:
@@ -436,6 +428,16 @@ def with_blade_rms(model: TurbineModel) -> TurbineModel:
     )
     joint = series(shaping, model.blade.select(["wind"], ["rbm"]))
     return dataclasses.replace(model, rbm_rms=float(output_rms(joint)[0]))
+
+
+def columns_told(quantities: Quantities, places: Mapping[str, slice]) -> list[tuple[str, slice | int]]:
+    """Names told in `info` and their columns: several where there is a number for each blade or flap, or just one."""
+    several = {*quantities.blade_outputs, "flap_angle", "flap_rate", "flap_travel", "flap_stopped"}
+    return [
+        (name, place if name in several else place.start)
+        for name, place in places.items()
+        if name != "heading"
+    ]
 
 
 def _option(

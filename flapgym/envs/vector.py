@@ -249,7 +249,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._observation = own["observation"]
 
     def _step_then_reset_next(self, actions: ArrayLike) -> Step:
-        restart = np.flatnonzero(self._ended)
+        restart = self._ended.nonzero()[0]
         if restart.size:  # their actions count for nothing, whatever they are
             values = numbers(actions, self.action_space.shape or ())
             values[restart] = 0.0
@@ -263,7 +263,9 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             _overwrite(info, first_info, restart)
         self._show(info, restart)
         everywhere = np.ones(self.num_envs, dtype=bool)
-        masks = {name: stepped if name in STEP_INFO else everywhere for name in info}
+        masks = dict.fromkeys(info, everywhere)
+        if restart.size:
+            masks |= dict.fromkeys(STEP_INFO & info.keys(), stepped)
         self._ended = terminated | truncated
         self._observation = observation.copy()
         return observation, reward, terminated, truncated, _masked(info, masks)
@@ -397,10 +399,11 @@ def _scattered(info: Info, turbines: NDArray[np.int64], count: int) -> Info:
 
 
 def _masked(info: Info, masks: NDArray[np.bool_] | dict[str, NDArray[np.bool_]]) -> Info:
-    """Add Gymnasium's mask `_name` beside every entry, also inside of nested ones."""
+    """Add Gymnasium's mask `_name` beside every entry, also inside of nested ones; each a fresh array."""
+    each = masks if isinstance(masks, dict) else dict.fromkeys(info, masks)
     result: Info = {}
     for name, value in info.items():
-        mask = masks[name] if isinstance(masks, dict) else masks
-        result[name] = _masked(value, mask) if isinstance(value, dict) and name != "final_info" else value
-        result[f"_{name}"] = mask.copy()
+        mask = each[name]
+        result[name] = _masked(value, mask) if type(value) is dict and name != "final_info" else value
+        result["_" + name] = mask.copy()
     return result

@@ -256,6 +256,6 @@ def test_models_of_the_same_numbers_under_other_names_are_not_taken_for_each_oth
         plant = plant_of(1, 5, 20, each, "numpy")
         actions = actions_of(plant, 20)
         flight = flown(plant, rest(plant), actions)
-        held = np.repeat(each.acceleration_limit * actions[:, 0], 5, axis=0)
+        held = np.repeat(each.flaps[0].acceleration_limit * actions[:, 0], 5, axis=0)
         for name, values in run(each, held, np.zeros(101)).outputs.items():
             assert_near(flight.samples(name)[:, 0], values[1:], 1e-9, name)

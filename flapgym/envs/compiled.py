@@ -132,6 +132,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         flaps = after[flaps_at:modes_at]
         # No samples are wanted, so any array will do for them.
         cosine, sine, square, met = begin(s, limits, own[3], elapsed, action, flaps, work, inputs, feed)
+        add_inputs(feed, 0, inputs, 0, s.given, rows)
         modes[:] = 0.0
         add_inputs(matrix, 1 + s.rows, inputs, 0, s.given, modes)
         decayed(matrix[0].reshape((2, half)), parts, 0, parts, 2)
@@ -153,7 +154,6 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
             flaps,
             rows,
             work,
-            inputs,
             inputs[s.given :],
             told,
             told[size:],

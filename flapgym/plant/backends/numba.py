@@ -382,7 +382,6 @@ def advance(  # type: ignore[no-untyped-def]
     flaps,
     rows,
     work,
-    given,
     inputs,
     last,
     rbm_square,
@@ -408,18 +407,15 @@ def advance(  # type: ignore[no-untyped-def]
         At the end as if there were no stops; changed.
     flaps : (4 blades F,) float
     rows : (rows,) float
-        What the modes make of the rows; changed.
+        What the modes and motion that is free of stops make of the rows; changed.
     work : float
         As of `move`.
-    given : (Q,) float
-        Motion that is free of stops.
     inputs : (6 F,) float
         To work in.
     last, rbm_square, fixed_square, samples : float
         Of this turbine's loads; filled.
     """
     k, count, each = s.steps, s.blades * s.flaps, BLADES * s.flaps
-    add_inputs(feed, 0, given, 0, s.given, rows)
     if met:
         for j in range(k):
             took = work[2 * count + 2 * k * count + j]
@@ -516,8 +512,9 @@ def _entry(edition: int) -> Any:
             np.empty(6 * s.flaps, kind),
         )
         begun = np.empty((room, 4))
-        pushed = push[: s.given]
-        block, own = np.empty((min(n, BLOCK), s.rows), kind), np.empty((min(n, BLOCK), 4 * count))
+        pushed, fed = push[: s.given], feed[: s.given]
+        block, own = np.empty((room, s.rows), kind), np.empty((room, 4 * count))
+        of_flaps = np.empty((room, s.rows), kind)
         for first in range(0, n, BLOCK):
             some = min(BLOCK, n - first)
             if n > FEW:
@@ -543,10 +540,13 @@ def _entry(edition: int) -> Any:
                 begun[t, 0], begun[t, 1], begun[t, 2], begun[t, 3] = cosine, sine, square, 1.0 * met
             if n > FEW:
                 np.dot(given[:some], pushed, after[first : first + some])
+                np.dot(given[:some], fed, of_flaps[:some])
+                block[:some] += of_flaps[:some]
             for t in range(first, first + some):
                 rows, here = block[t - first], t - first
                 if n <= FEW:
                     read_modes(read, 0, modes[t], rows)
+                    add_inputs(feed, 0, given[here], 0, s.given, rows)
                     after[t, :] = 0.0
                     add_inputs(push, 0, given[here], 0, s.given, after[t])
                 decayed(decay, parts, 2 * t, after_parts, 2 * t)
@@ -569,7 +569,6 @@ def _entry(edition: int) -> Any:
                     own[here],
                     rows,
                     work[here],
-                    given[here],
                     inputs,
                     last[t],
                     rbm_square[t],

@@ -130,8 +130,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         read_modes(matrix, 1, both[: s.modes], rows)
         told = after[told_at:]
         flaps = after[flaps_at:modes_at]
-        # No samples are wanted, so any array will do for them.
-        cosine, sine, square, met = begin(s, limits, own[3], elapsed, action, flaps, work, inputs, feed)
+        cosine, sine, square, met = begin(s, limits, own[3], elapsed, action, flaps, work, inputs)
         add_inputs(feed, 0, inputs, 0, s.given, rows)
         modes[:] = 0.0
         add_inputs(matrix, 1 + s.rows, inputs, 0, s.given, modes)
@@ -158,7 +157,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
             told,
             told[size:],
             fixed_square,
-            feed,
+            feed,  # no samples are wanted, so any array will do for them
         )
         after[0] = elapsed + 1.0
         for m in range(s.modes):

@@ -1,11 +1,9 @@
-"""The step as compiled code, turbine by turbine: plain loops over the arrays of `flapgym.plant.parameters`.
+"""The step as compiled code: plain loops over the arrays of `flapgym.plant.parameters`. numba keeps it on disk.
 
-The modes of one turbine stand side by side, and vector units run along them. Of many turbines the rows are read in one
-matrix product for BLOCK of them, which then stay in the nearer caches while they are stepped one after another. numba
-keeps what it compiled on disk.
-
-Compiled code counts the references to every array that it takes out of a tuple or cuts from another, so whatever runs
-once a turbine gets its arrays one by one, flat, and everything else as `Sizes`.
+Many turbines are stepped side by side: flaps with the turbines innermost, modes by matrix products of BLOCK turbines.
+Of one turbine, which `flapgym.envs.compiled` steps by the functions from `move` to `advance`, vector units run along
+the modes. Compiled code counts the references to every array that it takes out of a tuple or cuts from another, so
+these get their arrays one by one, flat, and everything else as `Sizes`.
 """
 
 from __future__ import annotations
@@ -15,13 +13,13 @@ import inspect
 import math
 import sys
 import zlib
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 from numba.core import event
-from numba.core.caching import NullCache
 
 from flapgym.core.arrays import BLADES, FloatArray
 from flapgym.plant import actuator, parameters
@@ -39,10 +37,8 @@ THIRD = 1.0 / BLADES
 C1, S1 = math.cos(2.0 * math.pi * THIRD), math.sin(2.0 * math.pi * THIRD)
 """From one blade to the next."""
 TURN = 2.0 * math.pi
-BLOCK = 32
-"""Turbines whose rows are read together."""
-FEW = 4
-"""Turbines up to which the rows of each are read by itself."""
+BLOCK = 128
+"""Turbines that are stepped together."""
 NEXT_TO_NOTHING = 1e-30
 """Of a mode, whose loads are of the order of its numbers times 1e6."""
 
@@ -113,8 +109,13 @@ def run_kept(function: Any, *arguments: Any) -> Any:
     try:
         return function(*arguments)
     except OSError:  # the folder is gone since numba chose it
-        function._cache = NullCache()
-        return function(*arguments)
+        return _for_this_process(function)(*arguments)
+
+
+@lru_cache
+def _for_this_process(function: Any) -> Any:
+    """The same function, whose code is kept nowhere."""
+    return njit(**OPTIONS)(function.py_func)
 
 
 class _Announcement(event.Listener):
@@ -330,21 +331,7 @@ def read_fixed(s, rows, wind, level, place, last, fixed_square, samples):  # typ
 
 
 @njit(**OPTIONS)
-def record_flaps(s, limits, action, flaps, samples):  # type: ignore[no-untyped-def]
-    """Every sample of the flaps, which `move` has not changed yet."""
-    count, place = s.blades * s.flaps, s.blade_places * s.blades
-    for i in range(count):
-        angle, rate, lagged = flaps[i], flaps[count + i], flaps[2 * count + i]
-        held = min(max(float(action[i]), -1.0), 1.0) * limits[2 * count + i]
-        for j in range(s.steps):
-            acting = held + s.lag_gain * (lagged - held)
-            angle, rate, _, _, _ = flap_step(angle, rate, acting, s.time_step, limits[i], limits[count + i])
-            lagged = held + s.lag_decay * (lagged - held)
-            samples[j, place + i], samples[j, place + count + i] = angle, rate
-
-
-@njit(**OPTIONS)
-def begin(s, limits, azimuth, elapsed, action, flaps, work, inputs, samples):  # type: ignore[no-untyped-def]
+def begin(s, limits, azimuth, elapsed, action, flaps, work, inputs):  # type: ignore[no-untyped-def]
     """Flaps of one turbine; of `inputs`, the Q of motion that is free of stops. The rest is as of `advance`.
 
     Returns cosine and sine of the azimuth at the start, the sum of squared angles, and whether a stop was met.
@@ -356,8 +343,6 @@ def begin(s, limits, azimuth, elapsed, action, flaps, work, inputs, samples):  #
     components(s, limits, flaps, count, cosine, sine, inputs, each)
     if s.lag_gain != 0.0:
         components(s, limits, flaps, 2 * count, cosine, sine, inputs, 3 * each)
-    if s.record:
-        record_flaps(s, limits, action, flaps, samples)
     square, met = move(s, limits, action, flaps, work)
     components(s, limits, work, 0, cosine, sine, inputs, 2 * each)
     return cosine, sine, square, met
@@ -487,101 +472,184 @@ def last_size(s):  # type: ignore[no-untyped-def]
     return s.blade_places * s.blades + 4 * s.blades * s.flaps + s.fixed_places + 4
 
 
+@njit(**OPTIONS)
+def move_many(p, before, actions, flaps, command, lost, jumps, stopped, square, samples):  # type: ignore[no-untyped-def]
+    """`move` for many turbines, which stand innermost; returns whether a stop took something away.
+
+    Fills flaps (4, blades F, n), command (blades F, n), rate lost and jumps (k, blades F, n), who met a stop
+    (blades F, n), the sum of squared angles (n,) and, where they are wanted, the samples.
+    """
+    count, n = command.shape
+    dt, decay, gain = p.time_step, p.lag_decay, p.lag_gain
+    at, met_any = p.blade_places * p.blades, 0.0
+    for i in range(count):
+        top_angle, top_rate, most = p.angle_limit[i], p.rate_limit[i], p.acceleration[i]
+        angle, rate, lagged, travel = flaps[0, i], flaps[1, i], flaps[2, i], flaps[3, i]
+        held, met = command[i], stopped[i]
+        angle[:], rate[:], lagged[:], travel[:] = before[0, i], before[1, i], before[2, i], before[3, i]
+        for t in range(n):
+            held[t], met[t] = min(max(actions[t, i], -1.0), 1.0) * most, 0.0
+        for j in range(p.steps):
+            lost_now, jump_now = lost[j, i], jumps[j, i]
+            for t in range(n):
+                acting = held[t] + gain * (lagged[t] - held[t])
+                moved, after, off, jump, hit = flap_step(angle[t], rate[t], acting, dt, top_angle, top_rate)
+                lagged[t] = held[t] + decay * (lagged[t] - held[t])
+                travel[t] += abs(moved - angle[t])
+                square[t] += moved * moved
+                angle[t], rate[t] = moved, after
+                met[t] = max(met[t], 1.0 * hit)
+                # Round-off of the subtraction is no loss.
+                lost_now[t], jump_now[t] = off * hit, jump
+            for t in range(n * p.record):
+                samples[t, j, at + i], samples[t, j, at + count + i] = angle[t], rate[t]
+        met_any += met.sum()
+    return met_any > 0.0
+
+
+@njit(**OPTIONS)
+def components_many(values, effectiveness, flaps, cosine, sine, given, place):  # type: ignore[no-untyped-def]
+    """Components of a quantity of the flaps (blades F, n) into columns of `given`, from `place` on, three a flap."""
+    single = len(values) == flaps
+    for f in range(flaps):
+        at = place + BLADES * f
+        for t in range(cosine.size):
+            one = values[f, t] * effectiveness[f]
+            if single:
+                given[t, at], given[t, at + 1], given[t, at + 2] = one, 0.0, 0.0
+            else:
+                two = values[flaps + f, t] * effectiveness[flaps + f]
+                three = values[2 * flaps + f, t] * effectiveness[2 * flaps + f]
+                # What turns with blade 1, and what stands across it.
+                along, across = one + C1 * (two + three), S1 * (three - two)
+                given[t, at] = THIRD * (one + two + three)
+                given[t, at + 1] = 2.0 * THIRD * (cosine[t] * along + sine[t] * across)
+                given[t, at + 2] = 2.0 * THIRD * (sine[t] * along - cosine[t] * across)
+
+
+@njit(**OPTIONS)
+def decay_many(decay, modes, after):  # type: ignore[no-untyped-def]
+    """Add what an interval leaves of the modes of many turbines."""
+    half = decay.shape[1]
+    real, imaginary = decay[0], decay[1]
+    for t in range(len(modes)):
+        along, across, up, beside = modes[t, :half], modes[t, half:], after[t, :half], after[t, half:]
+        for m in range(half):
+            first = up[m] + real[m] * along[m] - imaginary[m] * across[m]
+            second = beside[m] + real[m] * across[m] + imaginary[m] * along[m]
+            # Smaller ones decay to denormal numbers, which take a processor ten times as long.
+            up[m] = first if abs(first) > NEXT_TO_NOTHING else 0.0
+            beside[m] = second if abs(second) > NEXT_TO_NOTHING else 0.0
+
+
+@njit(**OPTIONS)
+def add_stops(p, of, first, width, cosine, sine, after, rows):  # type: ignore[no-untyped-def]
+    """What stops did, `of` (k, blades F, n), to modes and rows of the turbines that met one.
+
+    In the matrices a step's columns are 2 `width` apart and begin with the column `first`.
+    """
+    k, count, n = of.shape
+    which, several = np.empty(n, np.int64), 0
+    for t in range(n):
+        total = 0.0
+        for j in range(k):
+            for i in range(count):
+                total += abs(of[j, i, t])
+        if total > 0.0:
+            which[several] = t
+            several += 1
+    if several == 0:
+        return
+    which = which[:several]
+    some_cosine, some_sine = cosine[which], sine[which]
+    given, part = np.empty((several, k * width), after.dtype), np.empty((count, several))
+    push, feed = (
+        np.empty((k * width, after.shape[1]), after.dtype),
+        np.empty((k * width, rows.shape[1]), after.dtype),
+    )
+    push[:] = 0.0
+    for j in range(k):
+        for i in range(count):
+            for t in range(several):
+                part[i, t] = of[j, i, which[t]]
+        components_many(part, p.effectiveness, p.flaps, some_cosine, some_sine, given, j * width)
+        at = first + 2 * width * j
+        feed[j * width : (j + 1) * width] = p.feed[at : at + width]
+        if at + width <= len(p.push):  # what the last step does reaches the modes with the next interval
+            push[j * width : (j + 1) * width] = p.push[at : at + width]
+    pushed, fed = np.dot(given, push), np.dot(given, feed)
+    for t in range(several):
+        after[which[t]] += pushed[t]
+        rows[which[t]] += fed[t]
+
+
+@njit(**OPTIONS)
+def read_many(p, s, episode, elapsed, rows, flaps, stopped, square, cosine, sine, loads):  # type: ignore[no-untyped-def]
+    """Loads of many turbines from their rows, the wind's response added."""
+    last, rbm_square, angle_square, fixed_square, samples = loads
+    azimuth, responses, place, level = episode.azimuth, episode.responses, episode.place, episode.level
+    count, n = len(stopped), elapsed.size
+    at = p.blade_places * p.blades
+    fixed_at = at + 4 * count
+    wind_at = fixed_at + p.fixed_places
+    own = np.empty(rows.shape[1])
+    for t in range(n):
+        wind, told, each = responses[place[t], min(elapsed[t], p.intervals - 1)], last[t], samples[t]
+        for r in range(own.size):
+            own[r] = rows[t, r] + wind[r] * level[t]
+        read_blades(s, own, cosine[t], sine[t], told, rbm_square[t], each)
+        read_fixed(s, own, wind, level[t], fixed_at, told, fixed_square[t], each)
+        for i in range(count):
+            told[at + i], told[at + count + i] = flaps[0, i, t], flaps[1, i, t]
+            told[at + 2 * count + i], told[at + 3 * count + i] = flaps[3, i, t], stopped[i, t]
+        angle = azimuth[t] + p.turn * p.steps * (elapsed[t] + 1)
+        # Rounding must not leave a turn.
+        told[wind_at + 1] = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
+        told[wind_at + 2] = cosine[t] * s.cosine - sine[t] * s.sine
+        told[wind_at + 3] = sine[t] * s.cosine + cosine[t] * s.sine
+        angle_square[t] = square[t] / (p.steps * count)
+
+
 def _entry(edition: int) -> Any:
     """The compiled step. What a function closes over is part of what numba looks for on disk."""
 
     @kept
     def step(p, episode, state, actions):  # type: ignore[no-untyped-def]
         _ = edition
-        s, n, count = sizes_of(p), state.elapsed.size, p.angle_limit.size
-        limits = np.concatenate((p.angle_limit, p.rate_limit, p.acceleration, p.effectiveness))
-        decay, push, read, feed, to_rows = p.decay, p.push, p.read, p.feed, p.read.T
-        kind = p.read.dtype
-        before, modes = state.flaps, state.modes
-        azimuth, level, place, responses = episode.azimuth, episode.level, episode.place, episode.responses
-        flaps, after, elapsed = np.empty(before.shape), np.empty(modes.shape, kind), np.empty(n, np.int64)
-        parts, after_parts = modes.reshape((2 * n, s.modes // 2)), after.reshape((2 * n, s.modes // 2))
+        s, n, count, k = sizes_of(p), state.elapsed.size, p.angle_limit.size, p.steps
+        kind, width = p.read.dtype, BLADES * p.flaps
+        flaps, command, stopped = np.empty((4, count, n)), np.empty((count, n)), np.empty((count, n))
+        lost, jumps, square = np.empty((k, count, n)), np.empty((k, count, n)), np.zeros(n)
+        azimuth = episode.azimuth + p.turn * k * state.elapsed
+        cosine, sine = np.cos(azimuth), np.sin(azimuth)
         last, rbm_square, angle_square = np.empty((n, last_size(s))), np.empty((n, s.blades)), np.empty(n)
         fixed_square = np.empty((n, s.fixed_outputs))
         wide = s.record * (s.blade_places * s.blades + 2 * count + s.fixed_places + 1)
-        samples = np.empty((n, s.steps * s.record, wide))
-        room = min(n, BLOCK)
-        work, given, inputs = (
-            np.empty((room, work_size(s))),
-            np.empty((room, s.given), kind),
-            np.empty(6 * s.flaps, kind),
-        )
-        begun = np.empty((room, 4))
-        pushed, fed = push[: s.given], feed[: s.given]
-        block, own = np.empty((room, s.rows), kind), np.empty((room, 4 * count))
-        of_flaps = np.empty((room, s.rows), kind)
+        samples = np.empty((n, k * s.record, wide))
+        met = move_many(p, state.flaps, actions, flaps, command, lost, jumps, stopped, square, samples)
+        given = np.empty((n, s.given), kind)
+        components_many(state.flaps[0], p.effectiveness, p.flaps, cosine, sine, given, 0)
+        components_many(state.flaps[1], p.effectiveness, p.flaps, cosine, sine, given, width)
+        components_many(command, p.effectiveness, p.flaps, cosine, sine, given, 2 * width)
+        if p.lag_gain != 0.0:
+            components_many(state.flaps[2], p.effectiveness, p.flaps, cosine, sine, given, 3 * width)
+        modes, push, to_rows, decay = state.modes, p.push[: s.given], p.read.T, p.decay
+        after, rows = np.empty(modes.shape, kind), np.empty((n, s.rows), kind)
         for first in range(0, n, BLOCK):
-            some = min(BLOCK, n - first)
-            if n > FEW:
-                np.dot(modes[first : first + some], to_rows, block[:some])
-            # A block at once: of a power of two of turbines, the same numbers share a place in the cache.
-            for i in range(4):
-                for f in range(count):
-                    for t in range(some):
-                        own[t, i * count + f] = before[i, f, first + t]
-            for t in range(some):
-                at = first + t
-                cosine, sine, square, met = begin(
-                    s,
-                    limits,
-                    azimuth[at],
-                    state.elapsed[at],
-                    actions[at],
-                    own[t],
-                    work[t],
-                    given[t],
-                    samples[at],
-                )
-                begun[t, 0], begun[t, 1], begun[t, 2], begun[t, 3] = cosine, sine, square, 1.0 * met
-            if n > FEW:
-                np.dot(given[:some], pushed, after[first : first + some])
-                np.dot(given[:some], fed, of_flaps[:some])
-                block[:some] += of_flaps[:some]
-            for t in range(first, first + some):
-                rows, here = block[t - first], t - first
-                if n <= FEW:
-                    read_modes(read, 0, modes[t], rows)
-                    add_inputs(feed, 0, given[here], 0, s.given, rows)
-                    after[t, :] = 0.0
-                    add_inputs(push, 0, given[here], 0, s.given, after[t])
-                decayed(decay, parts, 2 * t, after_parts, 2 * t)
-                since = state.elapsed[t]
-                angle_square[t] = advance(
-                    s,
-                    limits,
-                    push,
-                    0,
-                    feed,
-                    azimuth[t],
-                    begun[here, 0],
-                    begun[here, 1],
-                    begun[here, 2],
-                    begun[here, 3] > 0.0,
-                    responses[place[t], min(since, s.intervals - 1)],
-                    level[t],
-                    since,
-                    after[t],
-                    own[here],
-                    rows,
-                    work[here],
-                    inputs,
-                    last[t],
-                    rbm_square[t],
-                    fixed_square[t],
-                    samples[t],
-                )
-                elapsed[t] = since + 1
-            for i in range(4):
-                for f in range(count):
-                    for t in range(some):
-                        flaps[i, f, first + t] = own[t, i * count + f]
+            # A block's modes stay in the nearer caches while all is done with them.
+            some = slice(first, min(first + BLOCK, n))
+            np.dot(modes[some], to_rows, rows[some])
+            np.dot(given[some], push, after[some])
+            decay_many(decay, modes[some], after[some])
+        rows += np.dot(given, p.feed[: s.given])
+        if met:
+            # Rate is lost often, an angle jumps only where a moving flap hits its stop.
+            add_stops(p, lost, s.given, width, cosine, sine, after, rows)
+            add_stops(p, jumps, s.given + width, width, cosine, sine, after, rows)
+        loads = (last, rbm_square, angle_square, fixed_square, samples)
+        read_many(p, s, episode, state.elapsed, rows, flaps, stopped, square, cosine, sine, loads)
         # Plain tuples: to make a named one Python's own code runs, and an interrupt there is the end of the process.
-        return (elapsed, flaps, after), (last, rbm_square, angle_square, fixed_square, samples)
+        return (state.elapsed + 1, flaps, after), loads
 
     return step
 

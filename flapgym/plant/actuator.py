@@ -61,9 +61,8 @@ class Faults:
 def _for_each(name: str, values: Any, blades: int, flaps: int) -> Array:
     given = np.array(values, dtype=float)
     if given.size not in (BLADES, BLADES * flaps):
-        raise ValueError(
-            f"{name}: expected {BLADES} entries, one a blade, or {BLADES * flaps}, one a flap, got {given.size}"
-        )
+        each = f", or {BLADES * flaps}, one a flap" if flaps > 1 else ""
+        raise ValueError(f"{name}: expected {BLADES} entries, one a blade{each}, got {given.size}")
     return np.repeat(given, BLADES * flaps // given.size)[: blades * flaps]
 
 

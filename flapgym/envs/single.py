@@ -83,8 +83,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `reward_rbm` = - mean square of RBM over samples and blades / `rbm_rms`^2. The constant is the model's open-loop
       rms at 10 % turbulence: doing nothing earns about -1 a step on average.
-    - `reward_flap_angle` = - `task.flap_angle_weight` * mean square of (flap angle / angle stop);
-      of several flaps, the first one's stop.
+    - `reward_flap_angle` = - `task.flap_angle_weight` * mean square of (flap angle / its stop).
     - `reward_tower` = - `task.tower_weight` * mean square of the tower top's fore-aft displacement [m].
 
     ## Starting State

@@ -163,14 +163,13 @@ class Task:
                 bounds += np.resize(entry.bound(model), size).tolist()
                 noisy += range(size) if source == "rbm" else [-1] * size
         fore_aft = model.fixed_outputs.index("tower_fore_aft") if self.tower_weight else -1
-        limit = model.flaps[0].angle_limit
         return Scoring(
             columns=np.array(columns, dtype=np.int64),
             factors=np.array(factors),
             bounds=np.array(bounds),
             noisy=np.array(noisy, dtype=np.int64),
             rbm_weight=1.0 / model.rbm_rms**2,
-            angle_weight=self.flap_angle_weight / limit**2,
+            angle_weight=self.flap_angle_weight,
             tower_weight=self.tower_weight,
             fore_aft=fore_aft,
         )
@@ -199,7 +198,7 @@ class Scoring(NamedTuple):
     noisy : (observed,) int
         Blade whose measurement noise is added to the value, or -1.
     rbm_weight, angle_weight, tower_weight : float
-        Reward lost per mean square of moment [1 / (N m)^2], flap angle [1 / rad^2] and fore-aft displacement [1 / m^2].
+        Reward lost per mean square of moment [1 / (N m)^2], flap angle over stop, and fore-aft displacement [1 / m^2].
     fore_aft : int
         Which of the fixed outputs that is; -1 if it weighs nothing.
     """

@@ -40,11 +40,6 @@ class Nameplate:
     airloads: Airloads | None = None
 
     @property
-    def flap_span(self) -> tuple[float, float] | None:
-        """Ends of the first flap."""
-        return self.flap_spans[0] if self.flap_spans else None
-
-    @property
     def size(self) -> str:
         """Turbine, rotor radius and, where it is told, hub height in a line."""
         if self.turbine is None or self.rotor_radius is None:

@@ -146,7 +146,7 @@ class Loads(NamedTuple):
     rbm_square : (n, blades) float
         Mean square of the root moment over the samples [N^2 m^2].
     angle_square : (n,) float
-        The same of the flap angles, mean over the flaps [rad^2].
+        The same of the flap angles over their stops, mean over the flaps.
     fixed_square : (n, fixed) float
         The same of the fixed outputs, over the samples kept.
     samples : (n, k, sample_size) float

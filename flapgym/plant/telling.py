@@ -67,11 +67,11 @@ def tell(
         flat = others.transpose(0, 2, 1, 3).reshape(n, rbm.shape[1], -1)
         flaps = motion[1:].transpose(3, 0, 1, 2).reshape(n, rbm.shape[1], -1)
         samples = np.concatenate([rbm, flat, flaps, fixed.transpose(0, 2, 1), wind[:, :, None]], axis=2)
-    angle = motion[1:, 0]
+    share = motion[1:, 0] / p.angle_limit[:, None]
     return Loads(
         last=last,
         rbm_square=np.einsum("nkb,nkb->nb", rbm, rbm) / rbm.shape[1],
-        angle_square=np.einsum("kfn,kfn->n", angle, angle) / max(1, angle.shape[0] * angle.shape[1]),
+        angle_square=np.einsum("kfn,kfn->n", share, share) / max(1, share.shape[0] * share.shape[1]),
         fixed_square=np.einsum("nck,nck->nc", fixed, fixed) / fixed.shape[2],
         samples=samples,
     )

@@ -199,7 +199,7 @@ def test_late_inputs_of_every_flap_are_the_prompt_ones_a_step_later():
     )
 
 
-def test_compact_model_keeps_its_tolerance_with_three_flaps_that_each_move_by_themselves(three):
+def test_reduced_model_keeps_its_tolerance_with_three_flaps_that_each_move_by_themselves(three):
     driven = activity(three)
     covariance = driven.C @ driven.stationary_covariance() @ driven.C.T
     to_blade = np.kron(np.eye(3), to_blades(np.eye(3), 0.9).T)  # flaps, then blades

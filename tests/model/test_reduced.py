@@ -10,7 +10,7 @@ from flapgym.model.reduced import activity, reduced_model
 MODEL = load_model("nrel5mw-rated")
 
 
-def test_compact_model_keeps_every_output_within_its_tolerance_in_simulation():
+def test_reduced_model_keeps_every_output_within_its_tolerance_in_simulation():
     reduced = reduced_model(MODEL, 1e-2)
     assert reduced.turbine.order < 100
     u = activity(MODEL).simulate(np.random.default_rng(4).standard_normal((40_000, 7)))

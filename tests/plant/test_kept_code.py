@@ -62,7 +62,7 @@ def test_another_actuator_is_compiled_anew(package):
     assert float.fromhex(other[2]) != float.fromhex(first[2])
 
 
-@pytest.mark.parametrize("name", ["actuator.py", "parameters.py"])
+@pytest.mark.parametrize("name", ["actuator.py", "parameters.py", "backends/numba.py"])
 def test_the_edition_is_of_every_file_that_goes_into_the_code(package, name):
     program = "from flapgym.plant.backends.numba import EDITION; print(EDITION)"
     first = _run(program, package)

@@ -30,8 +30,9 @@ OPTIONS: dict[str, Any] = {
     "fastmath": {"reassoc", "contract", "nsz"},
     "error_model": "numpy",
 }
-EDITION = zlib.crc32(b"".join(Path(str(module.__file__)).read_bytes() for module in (actuator, parameters)))
-"""Of the other files that go into the compiled code: numba looks at this one alone."""
+_FILES = (__file__, str(actuator.__file__), str(parameters.__file__))
+EDITION = zlib.crc32(b"".join(Path(file).read_bytes() for file in _FILES))
+"""Of the files that go into compiled code here and in `flapgym.envs.compiled`: numba looks at a function's own file."""
 
 THIRD = 1.0 / BLADES
 C1, S1 = math.cos(2.0 * math.pi * THIRD), math.sin(2.0 * math.pi * THIRD)
@@ -151,7 +152,9 @@ flap_step = njit(inline="always", **OPTIONS)(actuator.flap_step)
 
 @njit(**OPTIONS)
 def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
-    """Flaps of one turbine over the interval. Returns the sum of squared angles and whether a stop took something away.
+    """Flaps of one turbine over the interval.
+
+    Returns the sum of squared angles over stops, and whether a stop took something away.
 
     Parameters
     ----------
@@ -185,7 +188,7 @@ def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
             flaps[i], flaps[count + i] = moved, after
             flaps[2 * count + i] = held + decay * (lagged - held)
             flaps[3 * count + i] += abs(moved - angle)
-            square += moved * moved
+            square += (moved / limits[i]) ** 2
             # Round-off of the subtraction is no loss.
             work[place + i], work[place + count + i] = lost * hit, jump
             if hit:
@@ -477,7 +480,7 @@ def move_many(p, before, actions, flaps, command, lost, jumps, stopped, square, 
     """`move` for many turbines, which stand innermost; returns whether a stop took something away.
 
     Fills flaps (4, blades F, n), command (blades F, n), rate lost and jumps (k, blades F, n), who met a stop
-    (blades F, n), the sum of squared angles (n,) and, where they are wanted, the samples.
+    (blades F, n), the sum of squared angles over stops (n,) and, where they are wanted, the samples.
     """
     count, n = command.shape
     dt, decay, gain = p.time_step, p.lag_decay, p.lag_gain
@@ -496,7 +499,7 @@ def move_many(p, before, actions, flaps, command, lost, jumps, stopped, square, 
                 moved, after, off, jump, hit = flap_step(angle[t], rate[t], acting, dt, top_angle, top_rate)
                 lagged[t] = held[t] + decay * (lagged[t] - held[t])
                 travel[t] += abs(moved - angle[t])
-                square[t] += moved * moved
+                square[t] += (moved / top_angle) ** 2
                 angle[t], rate[t] = moved, after
                 met[t] = max(met[t], 1.0 * hit)
                 # Round-off of the subtraction is no loss.

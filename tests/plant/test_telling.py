@@ -23,8 +23,10 @@ def test_what_is_told_of_an_action_is_what_its_samples_say(backend, count, flaps
     np.testing.assert_allclose(flight.loads.rbm_square, mean_square(flight.samples("rbm")), rtol=1e-12)
     # Every flap's angle over its own stop.
     stops = np.tile([flap.angle_limit for flap in model.flaps], 3)
-    angle = flight.samples("flap_angle") / stops
-    np.testing.assert_allclose(flight.loads.angle_square, mean_square(angle).mean(axis=-1), rtol=1e-12)
+    angle = flight.samples("flap_angle")
+    np.testing.assert_allclose(
+        flight.loads.angle_square, mean_square(angle / stops).mean(axis=-1), rtol=1e-12
+    )
     fixed = [mean_square(flight.samples(name))[:, :, 0] for name in model.fixed_outputs]
     np.testing.assert_allclose(flight.loads.fixed_square, np.stack(fixed, axis=-1), rtol=1e-12)
     for name in plant.quantities.sample:

@@ -93,8 +93,8 @@ def work_per_step(model: TurbineModel, steps_per_action: int) -> float:
 def memory_per_turbine(model: TurbineModel, intervals: int, steps_per_action: int, precision: str) -> int:
     """Bytes of a turbine's modes, flaps and response to the wind."""
     p = constants(model, steps_per_action)
-    rows = p.read.shape[0] + p.kept
-    return np.dtype(precision).itemsize * (p.read.shape[1] + intervals * rows) + 8 * 4 * p.angle_limit.size
+    rows = p.read.shape[1] + p.kept
+    return np.dtype(precision).itemsize * (p.read.shape[0] + intervals * rows) + 8 * 4 * p.angle_limit.size
 
 
 def constants(model: TurbineModel, steps_per_action: int) -> Parameters:

@@ -13,19 +13,22 @@ import numpy as np
 from numba import njit
 from numpy import empty
 
-from flapgym.core.arrays import Array, FloatArray
+from flapgym.core.arrays import BLADES, Array, FloatArray
 from flapgym.envs.task import Scoring
 from flapgym.plant.backends.numba import (
     EDITION,
     OPTIONS,
     Sizes,
     add_inputs,
-    advance,
-    begin,
-    decayed,
+    components,
     first_cause,
+    heading,
     kept,
     last_size,
+    let_decay,
+    move,
+    read_blades,
+    read_fixed,
     read_modes,
     run_kept,
     sizes_of,
@@ -33,9 +36,6 @@ from flapgym.plant.backends.numba import (
 )
 from flapgym.plant.linear import LinearPlant
 from flapgym.plant.parameters import State
-
-OWN = 4
-"""Numbers of a turbine before its flaps' and modes': elapsed, place and level of its response, azimuth at the reset."""
 
 
 @njit(**OPTIONS)
@@ -55,12 +55,13 @@ def sizes_in(numbers):  # type: ignore[no-untyped-def]
         int(numbers[10]),
         int(numbers[11]),
         int(numbers[12]),
-        numbers[13],
+        int(numbers[13]),
         numbers[14],
         numbers[15],
         numbers[16],
         numbers[17],
         numbers[18],
+        numbers[19],
     )
 
 
@@ -93,85 +94,87 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
     """The compiled step. What a function closes over is part of what numba looks for on disk."""
 
     @kept
-    def step(matrix, feed, numbers, responses, own, action, after, observation):  # type: ignore[no-untyped-def]
-        """Fills two new arrays, the turbine after the step with what is told behind it, and the observation.
-
-        An array that compiled code makes takes three times as long as one that it is given.
-        """
+    def step(real, own, action, observation):  # type: ignore[no-untyped-def]
+        """Change the turbine, in parts of `real` and `own` (`CompiledTurbine`), and fill the observation."""
         _ = edition
         for i in range(action.size):
             if not abs(action[i]) < math.inf:
                 return False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        s = sizes_in(numbers)
-        count, observed = s.blades * s.flaps, observation.size
-        size = last_size(s)
-        flaps_at, modes_at, told_at = OWN, OWN + 4 * count, OWN + 4 * count + s.modes
+        s = sizes_in(own)
+        count, each, k, size = s.blades * s.flaps, BLADES * s.flaps, s.steps, last_size(s)
+        # Where things are, in the order of `CompiledTurbine`.
+        above, fed = 1 + s.rows, s.given + 2 * each * k
+        feed_at = (above + fed) * s.modes
+        modes_at = feed_at + fed * s.rows
+        rows_at = modes_at + s.modes
+        inputs_at = rows_at + s.rows
+        responses_at = inputs_at + fed
         limits_at = len(s)
-        scoring_at = limits_at + 4 * count
-        limits, scoring = numbers[limits_at:scoring_at], numbers[scoring_at : scoring_at + 4]
-        entries = numbers[scoring_at + 4 : scoring_at + 4 + 4 * observed]
-        noise = numbers[scoring_at + 4 + 4 * observed :]
-        elapsed = int(own[0])
-        width = s.rows + s.kept
-        wind_at = (int(own[1]) * s.intervals + min(elapsed, s.intervals - 1)) * width
-        wind = responses[wind_at : wind_at + width]
-        # The modes in the precision of the matrices.
-        kind, half = matrix.dtype, s.modes // 2
-        room = np.empty(2 * s.modes + s.rows + s.given + 6 * s.flaps, kind)
-        both, modes = room[: 2 * s.modes], room[s.modes : 2 * s.modes]
-        parts = both.reshape((4, half))
-        rows, inputs = room[2 * s.modes : 2 * s.modes + s.rows], room[2 * s.modes + s.rows :]
-        work = np.empty(work_size(s) + s.fixed_outputs)
-        fixed_square = work[work_size(s) :]
-        for i in range(modes_at):
-            after[i] = own[i]
-        for m in range(s.modes):
-            both[m] = own[modes_at + m]
-        read_modes(matrix, 1, both[: s.modes], rows)
-        told = after[told_at:]
-        flaps = after[flaps_at:modes_at]
-        cosine, sine, square, met = begin(s, limits, own[3], elapsed, action, flaps, work, inputs)
-        add_inputs(feed, 0, inputs, 0, s.given, rows)
-        modes[:] = 0.0
-        add_inputs(matrix, 1 + s.rows, inputs, 0, s.given, modes)
-        decayed(matrix[0].reshape((2, half)), parts, 0, parts, 2)
-        angle_square = advance(
-            s,
-            limits,
-            matrix,
-            1 + s.rows,
-            feed,
-            own[3],
-            cosine,
-            sine,
-            square,
-            met,
-            wind,
-            own[2],
-            elapsed,
-            modes,
-            flaps,
-            rows,
-            work,
-            inputs[s.given :],
-            told,
-            told[size:],
-            fixed_square,
-            feed,  # no samples are wanted, so any array will do for them
+        flaps_at = limits_at + 4 * count
+        work_at = flaps_at + 4 * count
+        squares_at = work_at + work_size(s)
+        told_at = squares_at + s.fixed_outputs
+        scoring_at = told_at + size + s.blades
+        entries_at = scoring_at + 4
+        begun_at = entries_at + 4 * observation.size
+        noise_at = begun_at + 3
+
+        matrix, feed = (
+            real[:feed_at].reshape((above + fed, s.modes)),
+            real[feed_at:modes_at].reshape((fed, s.rows)),
         )
-        after[0] = elapsed + 1.0
-        for m in range(s.modes):
-            after[modes_at + m] = modes[m]
-        if noise.size > 0:
-            # Past the end of an episode there is no more noise.
-            at = min(elapsed + 1, s.intervals) * s.blades
-            noise = noise[at : at + s.blades]
-        observe(entries, noise, told, observation)
+        modes, rows, inputs = real[modes_at:rows_at], real[rows_at:inputs_at], real[inputs_at:responses_at]
+        limits, flaps, work = own[limits_at:flaps_at], own[flaps_at:work_at], own[work_at:squares_at]
+        fixed_square, told, scoring = (
+            own[squares_at:told_at],
+            own[told_at:scoring_at],
+            own[scoring_at:entries_at],
+        )
+        elapsed, level, azimuth = int(own[begun_at]), own[begun_at + 1], own[begun_at + 2]
+        wind_at = responses_at + min(elapsed, s.intervals - 1) * (s.rows + s.kept)
+        wind = real[wind_at : wind_at + s.rows + s.kept]
+
+        angle = azimuth + s.turn * k * elapsed
+        cosine, sine = math.cos(angle), math.sin(angle)
+        components(s, limits, flaps, 0, cosine, sine, inputs, s.commanded)
+        components(s, limits, flaps, count, cosine, sine, inputs, s.commanded + each)
+        if s.lag_gain != 0.0:
+            components(s, limits, flaps, 2 * count, cosine, sine, inputs, each)
+        square, stopped, jumped = move(s, limits, action, flaps, work)
+        least, most = 0, s.given
+        if stopped:
+            # The command does not tell what follows, the rate gained in every step does.
+            least, most = s.commanded, s.given + k * each * (2 if jumped else 1)
+            for j in range(k * (2 if jumped else 1)):
+                components(s, limits, work, (2 + j) * count, cosine, sine, inputs, s.given + j * each)
+        else:
+            components(s, limits, work, 0, cosine, sine, inputs, 0)
+        read_modes(matrix, 1, modes, rows)
+        add_inputs(feed, 0, inputs, least, most, rows)
+        let_decay(matrix[0], modes)
+        add_inputs(matrix, above, inputs, least, most, modes)
+
+        for row in range(s.rows):
+            rows[row] += wind[row] * level
+        read_blades(
+            s, rows, cosine, sine, told, told[size:], feed
+        )  # no samples are wanted, so any array will do
+        place = s.blade_places * s.blades
+        for i in range(count):
+            told[place + i], told[place + count + i] = flaps[i], flaps[count + i]
+            told[place + 2 * count + i], told[place + 3 * count + i] = flaps[3 * count + i], work[count + i]
+        place += 4 * count
+        read_fixed(s, rows, wind, level, place, told, fixed_square, feed)
+        place += s.fixed_places + 1
+        told[place], told[place + 1], told[place + 2] = heading(s, azimuth, elapsed, cosine, sine)
+        own[begun_at] = elapsed + 1.0
+        # Past the end of an episode there is no more noise.
+        at = noise_at + min(elapsed + 1, s.intervals) * s.blades
+        observe(own[entries_at:begun_at], own[at : at + s.blades], told, observation)
         reward, of_moments, of_angles, of_tower = score(
-            scoring, told, size, s.blades, angle_square, fixed_square
+            scoring, told, size, s.blades, square / (k * count), fixed_square
         )
-        wind_now, azimuth = told[size - 4], told[size - 3]
-        return True, reward, of_moments, of_angles, of_tower, wind_now, azimuth
+        return True, reward, of_moments, of_angles, of_tower, told[place - 1], told[place]
 
     return step
 
@@ -185,6 +188,11 @@ sample."""
 class CompiledTurbine:
     """The one turbine of a plant, in flat arrays, which are the plant's state while it is stepped here.
 
+    `real`, in the precision of the modes, holds decay, read, push and feed of the parameters; modes; rows and inputs to
+    work in; the response to the episode's wind. `own`, in double precision, holds sizes, limits, flaps, numbers to
+    work in, what is told with each moment's mean square behind it, scoring, entries of the observation, actions since
+    the reset, level of the response, azimuth at the reset, and measurement noise.
+
     Parameters
     ----------
     plant : LinearPlant
@@ -194,47 +202,44 @@ class CompiledTurbine:
 
     def __init__(self, plant: LinearPlant, scoring: Scoring) -> None:
         self._plant, p = plant, plant.parameters
-        # All that runs along the modes in one array.
-        self._matrix = np.concatenate([p.decay.reshape(1, -1), p.read, p.push])
-        limits = (p.angle_limit, p.rate_limit, p.acceleration, p.effectiveness)
+        self._observed = len(scoring.columns)
+        s = Sizes(*sizes_of.py_func(p))
+        constants = np.concatenate([each.ravel() for each in (p.decay, p.read.T, p.push, p.feed)])
+        self._modes = slice(constants.size, constants.size + s.modes)
+        self._responses = constants.size + s.modes + s.rows + len(p.feed)
+        length = s.intervals * (s.rows + s.kept)
+        self._real = np.zeros(self._responses + length, dtype=constants.dtype)
+        self._real[: constants.size] = constants
+        limits = np.concatenate([p.angle_limit, p.rate_limit, p.acceleration, p.effectiveness])
+        self._flaps = slice(len(s) + limits.size, len(s) + 2 * limits.size)
+        told = self._flaps.stop + work_size.py_func(s) + s.fixed_outputs
+        self._told = slice(told, told + plant.quantities.size + s.blades)
         head = [scoring.fore_aft, scoring.rbm_weight, scoring.angle_weight, scoring.tower_weight]
         table = (scoring.columns, scoring.factors, scoring.bounds, scoring.noisy)
-        sizes = np.array(sizes_of.py_func(p), dtype=float)
-        self._constants = np.concatenate([sizes, *limits, head, *table], dtype=float)
-        self._first_told = OWN + 4 * p.angle_limit.size + p.read.shape[1]
-        self._size = self._first_told + plant.quantities.size + p.blades
-        self._observed = len(scoring.columns)
+        room = np.zeros(self._told.stop - self._flaps.start)
+        self._constants = np.concatenate([s, limits, room, head, *table], dtype=float)
         self.load(np.empty((0, 0)))
         # A step that leaves no trace: code is compiled or read now, and no step waits for it.
         still = np.zeros(p.angle_limit.size, dtype=np.float32)
-        run_kept(
-            _step,
-            self._matrix,
-            p.feed,
-            self._numbers,
-            self._responses,
-            self._own,
-            still,
-            empty(self._size),
-            empty(self._observed, np.float32),
-        )
+        run_kept(_step, self._real, self._own, still, empty(self._observed, np.float32))
+        self.load(np.empty((0, 0)))
 
     def load(self, noise: Array) -> None:
         """Take the plant's turbine, and its measurement noise (intervals + 1, blades) [N m], or none of size 0."""
         episode, state = self._plant.episode, self._plant.state
-        self._numbers = np.concatenate([self._constants, noise.ravel()])
-        self._responses = episode.responses.reshape(-1)
-        own = [state.elapsed, episode.place, episode.level, episode.azimuth, state.flaps, state.modes]
-        self._own = np.concatenate([each.ravel() for each in own], dtype=float)
+        begun = [state.elapsed[0], episode.level[0], episode.azimuth[0]]
+        self._own = np.concatenate([self._constants, begun, noise.ravel()])
+        self._own[self._flaps] = state.flaps.ravel()
+        self._begun = self._constants.size
+        self._real[self._modes] = state.modes[0]
+        self._real[self._responses :] = episode.responses[episode.place[0]].ravel()
 
     def store(self) -> None:
         """Give the plant its turbine back."""
-        p, own = self._plant.parameters, self._own
-        modes = OWN + 4 * p.angle_limit.size
         self._plant.state = State(
-            elapsed=own[:1].astype(np.int64),
-            flaps=own[OWN:modes].reshape(4, -1, 1).copy(),
-            modes=own[None, modes : self._first_told].astype(self._plant.stepping.precision),
+            elapsed=self._own[self._begun : self._begun + 1].astype(np.int64),
+            flaps=self._own[self._flaps].reshape(4, -1, 1).copy(),
+            modes=self._real[None, self._modes].copy(),
         )
 
     def step(self, action: FloatArray, observation: np.ndarray) -> Told:
@@ -247,25 +252,12 @@ class CompiledTurbine:
         observation : (observed,) float32
             Filled.
         """
-        after = empty(self._size)
         try:
-            told = _step(
-                self._matrix,
-                self._plant.parameters.feed,
-                self._numbers,
-                self._responses,
-                self._own,
-                action,
-                after,
-                observation,
-            )
+            return _step(self._real, self._own, action, observation)
         except SystemError as error:
             raise first_cause(error) from None
-        if told[0]:
-            self._own = after
-        return told
 
     @property
     def told(self) -> Array:
-        """What the plant tells since the last step, and behind it each moment's mean square."""
-        return self._own[self._first_told :]
+        """What the plant told after the last step, and behind it each moment's mean square; a view."""
+        return self._own[self._told]

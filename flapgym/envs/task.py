@@ -166,7 +166,7 @@ class Task:
         return Scoring(
             columns=np.array(columns, dtype=np.int64),
             factors=np.array(factors),
-            bounds=np.array(bounds),
+            bounds=np.array(bounds, dtype=np.float32),
             noisy=np.array(noisy, dtype=np.int64),
             rbm_weight=1.0 / model.rbm_rms**2,
             angle_weight=self.flap_angle_weight,
@@ -193,8 +193,10 @@ class Scoring(NamedTuple):
     ----------
     columns : (observed,) int
         Places among the plant's numbers.
-    factors, bounds : (observed,) float
-        On the value; of the product.
+    factors : (observed,) float
+        On the value.
+    bounds : (observed,) float32
+        Of the product.
     noisy : (observed,) int
         Blade whose measurement noise is added to the value, or -1.
     rbm_weight, angle_weight, tower_weight : float
@@ -205,7 +207,7 @@ class Scoring(NamedTuple):
 
     columns: IntArray
     factors: Array
-    bounds: Array
+    bounds: NDArray[np.float32]
     noisy: IntArray
     rbm_weight: float
     angle_weight: float
@@ -220,14 +222,14 @@ def observe(scoring: Scoring, last: Array, noise: Array | None = None) -> np.nda
         values += np.where(scoring.noisy >= 0, noise[:, scoring.noisy], 0.0)
     values *= scoring.factors
     # Rounded before it is bounded: a stop rounded up to float32 would leave the space.
-    packed, bound = values.astype(np.float32), scoring.bounds.astype(np.float32)
-    np.minimum(packed, bound, out=packed)
-    return np.maximum(packed, -bound, out=packed)
+    packed = values.astype(np.float32)
+    np.minimum(packed, scoring.bounds, out=packed)
+    return np.maximum(packed, -scoring.bounds, out=packed)
 
 
 def rewards(scoring: Scoring, loads: Loads) -> tuple[Array, Array, Array, Array]:
     """Reward and its terms for moments, flap angles and tower, (n,) each and fresh."""
-    of_moments = -scoring.rbm_weight * loads.rbm_square.sum(axis=1) / loads.rbm_square.shape[1]
+    of_moments = -scoring.rbm_weight * np.einsum("nb->n", loads.rbm_square) / loads.rbm_square.shape[1]
     of_angles = -scoring.angle_weight * loads.angle_square
     of_tower = np.zeros(len(of_moments))
     if scoring.fore_aft >= 0:

@@ -115,7 +115,7 @@ class Turbines:
         self._made_by = json.dumps(self._identity(), default=_plain)
         self._entries = self._plant_state(0)
         """Names and shapes of what a turbine's state holds."""
-        bound = self.scoring.bounds.astype(np.float32)
+        bound = self.scoring.bounds
         self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
         actions = blades * self.quantities.flaps
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), dtype=np.float32)

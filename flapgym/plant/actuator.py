@@ -68,7 +68,7 @@ def _for_each(name: str, values: Any, blades: int, flaps: int) -> Array:
 
 def flap_step(
     angle: Any, rate: Any, acceleration: Any, time_step: float, angle_limit: Any, rate_limit: Any
-) -> tuple[Any, Any, Any, Any, Any]:
+) -> tuple[Any, Any, Any, Any]:
     """The stop rule: one plant step of a flap under an acceleration. Arrays and numbers alike; compiled as it is.
 
     rate' = clip(rate + acceleration dt, +-rate_limit), angle' = angle + dt / 2 (rate + rate') clipped at
@@ -86,8 +86,6 @@ def flap_step(
     -------
     angle, rate : float
         At the end of the step.
-    lost : float
-        Rate that a stop took away [rad/s].
     jump : float
         By how much the angle is off the trapezoid of the two rates [rad].
     met : bool
@@ -104,7 +102,7 @@ def flap_step(
     off = (going != inside) | into_stop
     # Zero, and not round-off, where nothing was in the way.
     jump = off * (moved - (angle + 0.5 * time_step * (rate + after)))
-    return moved, after, after - wanted, jump, off | (wanted != reached)
+    return moved, after, jump, off | (wanted != reached)
 
 
 def lag_constants(time_step: float, lag: float) -> tuple[float, float]:
@@ -125,30 +123,31 @@ def lag_constants(time_step: float, lag: float) -> tuple[float, float]:
 def free_motion(steps: int, time_step: float, decay: float, gain: float) -> Array:
     """Motion without stops, (2 (k + 1), kinds): angle and rate of samples 0..k.
 
-    From angle, rate and command at the start, and where there is a lag from the lagged acceleration behind them: the
-    command is held for all k steps. The lag is given by its `lag_constants`.
+    From the command, which is held for all k steps, where there is a lag the lagged acceleration at the start, and
+    angle and rate there. The lag is given by its `lag_constants`.
     """
-    angle, rate, command, lagged = np.eye(4)
+    command, lagged, angle, rate = np.eye(4)
     rows = [angle, rate]
     for _ in range(steps):
         reached = rate + time_step * (command + gain * (lagged - command))
         angle, rate = angle + 0.5 * time_step * (rate + reached), reached
         lagged = command + decay * (lagged - command)
         rows += [angle, rate]
-    motion = np.array(rows)[:, : 4 if gain else 3]
+    motion = np.array(rows)[:, [0, 1, 2, 3] if gain else [0, 2, 3]]
     motion.setflags(write=False)  # whoever asks again gets this one
     return motion
 
 
-def deviations(steps: int, time_step: float) -> Array:
-    """What stops do to the motion, (2 (k + 1), 2 k): angle and rate of samples 0..k.
+def stepwise_motion(steps: int, time_step: float) -> Array:
+    """What steps add to rest, (2 (k + 1), 2 k): angle and rate of samples 0..k.
 
-    From the rate lost in step 1 and the jump of the angle in it, then of step 2 and so on.
+    From the rate gained in steps 1 to k, then the jumps of the angle in them: all that a flap does between its stops and
+    at them, behind its angle and rate at the start.
     """
-    motion = np.zeros((steps + 1, 2, steps, 2))
+    motion = np.zeros((steps + 1, 2, 2, steps))
     for step in range(steps):
         behind = np.arange(steps - step)
-        motion[step + 1 :, 0, step, 0] = time_step * (0.5 + behind)
-        motion[step + 1 :, 1, step, 0] = 1.0
-        motion[step + 1 :, 0, step, 1] = 1.0
+        motion[step + 1 :, 0, 0, step] = time_step * (0.5 + behind)
+        motion[step + 1 :, 1, 0, step] = 1.0
+        motion[step + 1 :, 0, 1, step] = 1.0
     return motion.reshape(2 * (steps + 1), 2 * steps)

@@ -18,7 +18,7 @@ from flapgym.core.fields import Choice, Count, Flag, Quantity, check_fields
 from flapgym.core.state_space import StateSpace
 from flapgym.model.signals import COMPONENTS
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant.actuator import Faults, deviations, free_motion, lag_constants
+from flapgym.plant.actuator import Faults, free_motion, lag_constants, stepwise_motion
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
 from flapgym.plant.fingerprint import fingerprint
 from flapgym.plant.frame import OutputRows, input_frame
@@ -57,13 +57,13 @@ class Parameters(NamedTuple):
     effectiveness : (blades F,) float
     decay : (2, M) float
         What an interval leaves of the modes: real and imaginary part of their eigenvalues' k-th power.
-    read : (rows, 2 M) float
+    read : (2 M, rows) float
         Modes at the start, real parts first, to the rows (`flapgym.plant.frame.OutputRows`, without the wind's).
-    push : (Q + 6 F (k - 1), 2 M) float
-        What the flaps do to the modes at the end. First motion that is free of stops: angle, rate, command and, if it
-        lags, the acceleration at the start; of each flap; in components 0, c, s in the frame of the start. Then what
-        stops did, step by step: rate lost, and jumps of the angle; each of every flap in components. What they did in
-        the last step does not reach the modes.
+    push : (Q + 6 F k, 2 M) float
+        What the flaps do to the modes at the end, by quantities of every flap in components 0, c, s in the frame of
+        the start. The first Q are of motion that is free of stops: command, if it lags the acceleration at the start,
+        angle and rate there. Where stops are met, the command's part is left out, and behind angle and rate come the
+        rate gained step by step and the jumps of the angle step by step. The last step's do not reach the modes.
     feed : (Q + 6 F k, rows) float
         What the flaps do to the rows.
     """
@@ -94,7 +94,12 @@ class Parameters(NamedTuple):
     @property
     def free(self) -> int:
         """Q."""
-        return BLADES * self.flaps * (4 if self.lag_gain else 3)
+        return self.commanded + 2 * BLADES * self.flaps
+
+    @property
+    def commanded(self) -> int:
+        """Of the Q, those of the command and its lag."""
+        return BLADES * self.flaps * (2 if self.lag_gain else 1)
 
 
 class Episode(NamedTuple):
@@ -278,13 +283,12 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
     # Motion of every flap in every component alike; the last sample's acts on the outputs alone.
     each = np.eye(BLADES * flaps)
     free = np.kron(free_motion(k, dt, decay, gain), each)
-    done = np.concatenate([free, np.kron(deviations(k, dt), each)], axis=1)
+    done = np.concatenate([free, np.kron(stepwise_motion(k, dt), each)], axis=1)
     drive = _parts_apart(lifted.drive)
     effectiveness, stuck = stepping.faults.on(blades, flaps)
     limits = [[getattr(flap, name) for flap in model.flaps] * blades for name in _LIMITS]
     angle_limit, rate_limit, acceleration = (np.array(limit) for limit in limits)
     precise = np.dtype(stepping.precision)
-    before_last = len(drive)
 
     def packed(matrix: Array) -> FloatArray:
         return np.ascontiguousarray(matrix, dtype=precise)
@@ -309,8 +313,8 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
         acceleration=np.where(np.isnan(stuck), acceleration, 0.0),
         effectiveness=effectiveness,
         decay=packed(np.stack([lifted.decay.real, lifted.decay.imag])),
-        read=packed(_parts_apart(lifted.read.T)),
-        push=packed(done[:before_last, : free.shape[1] + 2 * BLADES * flaps * (k - 1)].T @ drive),
+        read=packed(_parts_apart(lifted.read.T).T),
+        push=packed(done[: len(drive)].T @ drive),
         feed=packed(done.T @ lifted.feed),
     )
 

@@ -112,6 +112,7 @@ def test_only_a_state_that_is_not_finite_terminates(model_file):
     env._turbines.plant.episode.responses[:] = (
         np.nan
     )  # no action and no state an environment takes can do that
+    env._load()
     _, _, terminated, truncated, _ = env.step(np.zeros(3))
     assert terminated
     assert not truncated

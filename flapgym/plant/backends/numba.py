@@ -1,7 +1,7 @@
 """The step as compiled code: plain loops over the arrays of `flapgym.plant.parameters`. numba keeps it on disk.
 
 Many turbines are stepped side by side: flaps with the turbines innermost, modes by matrix products of BLOCK turbines.
-Of one turbine, which `flapgym.envs.compiled` steps by the functions from `move` to `advance`, vector units run along
+Of one turbine, which `flapgym.envs.compiled` steps by the functions from `move` to `read_fixed`, vector units run along
 the modes. Compiled code counts the references to every array that it takes out of a tuple or cuts from another, so
 these get their arrays one by one, flat, and everything else as `Sizes`.
 """
@@ -49,8 +49,8 @@ class Sizes(NamedTuple):
 
     Attributes
     ----------
-    modes, rows, given : int
-        2 M, rows and Q of the matrices.
+    modes, rows, given, commanded : int
+        2 M and rows of the matrices, Q, and those of the command among them.
     cosine, sine : float
         Of the azimuth of an interval.
     """
@@ -68,6 +68,7 @@ class Sizes(NamedTuple):
     modes: int
     rows: int
     given: int
+    commanded: int
     time_step: float
     turn: float
     lag_decay: float
@@ -76,7 +77,7 @@ class Sizes(NamedTuple):
     sine: float
 
 
-WHOLE = 13
+WHOLE = 14
 """Of them are whole numbers."""
 
 
@@ -154,7 +155,7 @@ flap_step = njit(inline="always", **OPTIONS)(actuator.flap_step)
 def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
     """Flaps of one turbine over the interval.
 
-    Returns the sum of squared angles over stops, and whether a stop took something away.
+    Returns the sum of squared angles over stops, whether a stop was met, and whether angles jumped.
 
     Parameters
     ----------
@@ -164,37 +165,31 @@ def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
     action : (blades F,) float
     flaps : (4 blades F,) float
         Angle, rate, lagged acceleration and way of every flap; changed.
-    work : (blades F (2 + 2 k) + 2 k blades F + k,) float
-        Filled: command of every flap, whether it met a stop; of every step rate lost and jump of every flap; what a
-        step took: 0 nothing, 1 rate, 2 angle.
+    work : (blades F (2 + 2 k),) float
+        Filled, each of every flap: command, whether it met a stop, rate gained step by step, jumps step by step.
     """
     count, k = s.blades * s.flaps, s.steps
     dt, decay, gain = s.time_step, s.lag_decay, s.lag_gain
-    lost_at = 2 * count
-    took_at = lost_at + 2 * k * count
-    square, met_any = 0.0, False
-    for j in range(k):
-        work[took_at + j] = 0.0
+    square, stopped, jumped = 0.0, False, False
     for i in range(count):
         work[i] = min(max(float(action[i]), -1.0), 1.0) * limits[2 * count + i]
         work[count + i] = 0.0
     # Steps of one flap wait for one another, those of several flaps run side by side.
     for j in range(k):
-        place = lost_at + 2 * j * count
+        place = (2 + j) * count
         for i in range(count):
             angle, rate, lagged, held = flaps[i], flaps[count + i], flaps[2 * count + i], work[i]
             acting = held + gain * (lagged - held)
-            moved, after, lost, jump, hit = flap_step(angle, rate, acting, dt, limits[i], limits[count + i])
+            moved, after, jump, hit = flap_step(angle, rate, acting, dt, limits[i], limits[count + i])
             flaps[i], flaps[count + i] = moved, after
             flaps[2 * count + i] = held + decay * (lagged - held)
             flaps[3 * count + i] += abs(moved - angle)
             square += (moved / limits[i]) ** 2
-            # Round-off of the subtraction is no loss.
-            work[place + i], work[place + count + i] = lost * hit, jump
+            work[place + i], work[place + k * count + i] = after - rate, jump
             if hit:
-                met_any, work[count + i] = True, 1.0
-                work[took_at + j] = max(work[took_at + j], 2.0 if jump != 0.0 else 1.0)
-    return square, met_any
+                stopped, work[count + i] = True, 1.0
+                jumped |= jump != 0.0
+    return square, stopped, jumped
 
 
 @njit(**OPTIONS)
@@ -219,13 +214,39 @@ def components(s, limits, values, first, cosine, sine, inputs, place):  # type: 
 
 
 @njit(**OPTIONS)
-def add_inputs(matrix, first, inputs, place, count, result):  # type: ignore[no-untyped-def]
-    """Add inputs[place + q] times row `first` + q for q up to `count`; the three of a flap share a pass."""
-    for q in range(0, count, BLADES):
-        a, b, c = inputs[place + q], inputs[place + q + 1], inputs[place + q + 2]
+def add_inputs(matrix, first, inputs, least, most, result):  # type: ignore[no-untyped-def]
+    """Add inputs[q] times row `first` + q for q from `least` up to `most`, multiples of three, which share a pass.
+
+    Three that are zero, as of flaps that rest, are left out; nine share a pass where none is.
+    """
+    q = least
+    while q < most:
+        if inputs[q] == 0.0 and inputs[q + 1] == 0.0 and inputs[q + 2] == 0.0:
+            q += 3
+            continue
+        if q + 9 > most:
+            break
         row = first + q
+        a, b, c, d, e = inputs[q], inputs[q + 1], inputs[q + 2], inputs[q + 3], inputs[q + 4]
+        f, g, h, j = inputs[q + 5], inputs[q + 6], inputs[q + 7], inputs[q + 8]
+        for i in range(result.size):
+            result[i] += (
+                a * matrix[row, i]
+                + b * matrix[row + 1, i]
+                + c * matrix[row + 2, i]
+                + d * matrix[row + 3, i]
+                + e * matrix[row + 4, i]
+                + f * matrix[row + 5, i]
+                + g * matrix[row + 6, i]
+                + h * matrix[row + 7, i]
+                + j * matrix[row + 8, i]
+            )
+        q += 9
+    while q < most:
+        row, a, b, c = first + q, inputs[q], inputs[q + 1], inputs[q + 2]
         for i in range(result.size):
             result[i] += a * matrix[row, i] + b * matrix[row + 1, i] + c * matrix[row + 2, i]
+        q += 3
 
 
 @njit(**OPTIONS)
@@ -250,26 +271,18 @@ def read_modes(matrix, first, modes, result):  # type: ignore[no-untyped-def]
 
 
 @njit(**OPTIONS)
-def decayed(decay, parts, before, after_parts, after):  # type: ignore[no-untyped-def]
-    """Add what an interval leaves of the modes; next to nothing becomes nothing.
+def let_decay(decay, modes):  # type: ignore[no-untyped-def]
+    """Leave of the modes (2 M,) of a turbine what an interval does; next to nothing becomes nothing.
 
     What flaps at rest leave in the modes would decay to denormal numbers, which take ten times as long.
-
-    Parameters
-    ----------
-    decay : (2, M) float
-    parts, after_parts : (2 n, M) float
-        Real and imaginary parts of turbines in turn; to the latter is added.
-    before, after : int
-        Where those of the turbine begin.
     """
-    nothing = parts.dtype.type(0.0)
-    for m in range(decay.shape[1]):
-        real, imaginary, along, across = decay[0, m], decay[1, m], parts[before, m], parts[before + 1, m]
-        first = after_parts[after, m] + (real * along - imaginary * across)
-        second = after_parts[after + 1, m] + (real * across + imaginary * along)
-        after_parts[after, m] = nothing if abs(first) < NEXT_TO_NOTHING else first
-        after_parts[after + 1, m] = nothing if abs(second) < NEXT_TO_NOTHING else second
+    nothing, half = modes.dtype.type(0.0), modes.size // 2
+    along, across = modes[:half], modes[half:]
+    for m in range(half):
+        first = decay[m] * along[m] - decay[half + m] * across[m]
+        second = decay[m] * across[m] + decay[half + m] * along[m]
+        along[m] = nothing if abs(first) < NEXT_TO_NOTHING else first
+        across[m] = nothing if abs(second) < NEXT_TO_NOTHING else second
 
 
 @njit(**OPTIONS)
@@ -334,107 +347,12 @@ def read_fixed(s, rows, wind, level, place, last, fixed_square, samples):  # typ
 
 
 @njit(**OPTIONS)
-def begin(s, limits, azimuth, elapsed, action, flaps, work, inputs):  # type: ignore[no-untyped-def]
-    """Flaps of one turbine; of `inputs`, the Q of motion that is free of stops. The rest is as of `advance`.
-
-    Returns cosine and sine of the azimuth at the start, the sum of squared angles, and whether a stop was met.
-    """
-    count, each = s.blades * s.flaps, BLADES * s.flaps
-    angle = azimuth + s.turn * s.steps * elapsed
-    cosine, sine = math.cos(angle), math.sin(angle)
-    components(s, limits, flaps, 0, cosine, sine, inputs, 0)
-    components(s, limits, flaps, count, cosine, sine, inputs, each)
-    if s.lag_gain != 0.0:
-        components(s, limits, flaps, 2 * count, cosine, sine, inputs, 3 * each)
-    square, met = move(s, limits, action, flaps, work)
-    components(s, limits, work, 0, cosine, sine, inputs, 2 * each)
-    return cosine, sine, square, met
-
-
-@njit(**OPTIONS)
-def advance(  # type: ignore[no-untyped-def]
-    s,
-    limits,
-    push,
-    first_push,
-    feed,
-    azimuth,
-    cosine,
-    sine,
-    square,
-    met,
-    wind,
-    level,
-    elapsed,
-    modes,
-    flaps,
-    rows,
-    work,
-    inputs,
-    last,
-    rbm_square,
-    fixed_square,
-    samples,
-):
-    """What follows `begin` and the modes' own motion. Returns the mean square of the flap angles.
-
-    Parameters
-    ----------
-    s : Sizes
-    limits : (4 blades F,) float
-        As of `move`.
-    push, feed : float
-        Of the parameters; `push` begins at row `first_push`.
-    azimuth, level, elapsed : float, float, int
-        At the reset, of the wind's response, actions since the reset.
-    wind : (rows + kept,) float
-        That response.
-    cosine, sine, square, met
-        What `begin` returned.
-    modes : (2 M,) float
-        At the end as if there were no stops; changed.
-    flaps : (4 blades F,) float
-    rows : (rows,) float
-        What the modes and motion that is free of stops make of the rows; changed.
-    work : float
-        As of `move`.
-    inputs : (6 F,) float
-        To work in.
-    last, rbm_square, fixed_square, samples : float
-        Of this turbine's loads; filled.
-    """
-    k, count, each = s.steps, s.blades * s.flaps, BLADES * s.flaps
-    if met:
-        for j in range(k):
-            took = work[2 * count + 2 * k * count + j]
-            if took == 0.0:
-                continue
-            # Rate is lost often, an angle jumps only where a moving flap hits its stop.
-            kinds = 2 if took > 1.0 else 1
-            first = s.given + 2 * j * each
-            for kind in range(kinds):
-                place = kind * each
-                components(s, limits, work, 2 * count + (2 * j + kind) * count, cosine, sine, inputs, place)
-            add_inputs(feed, first, inputs, 0, kinds * each, rows)
-            # What is lost in the last step does not reach the modes at its end.
-            if j < k - 1:
-                add_inputs(push, first_push + first, inputs, 0, kinds * each, modes)
-    for row in range(s.rows):
-        rows[row] += wind[row] * level
-    read_blades(s, rows, cosine, sine, last, rbm_square, samples)
-    place = s.blade_places * s.blades
-    for i in range(count):
-        last[place + i], last[place + count + i] = flaps[i], flaps[count + i]
-        last[place + 2 * count + i], last[place + 3 * count + i] = flaps[3 * count + i], work[count + i]
-    place += 4 * count
-    read_fixed(s, rows, wind, level, place, last, fixed_square, samples)
-    place += s.fixed_places + 1
-    angle = azimuth + s.turn * k * (elapsed + 1)
+def heading(s, azimuth, elapsed, cosine, sine):  # type: ignore[no-untyped-def]
+    """Azimuth at the end of an interval, within a turn, its cosine and its sine, from those at the beginning."""
+    angle = azimuth + s.turn * s.steps * (elapsed + 1)
     # Rounding must not leave a turn.
-    last[place] = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
-    last[place + 1] = cosine * s.cosine - sine * s.sine
-    last[place + 2] = sine * s.cosine + cosine * s.sine
-    return square / (k * count)
+    within = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
+    return within, cosine * s.cosine - sine * s.sine, sine * s.cosine + cosine * s.sine
 
 
 @njit(**OPTIONS)
@@ -451,9 +369,10 @@ def sizes_of(p):  # type: ignore[no-untyped-def]
         p.blade_places,
         p.fixed_places,
         int(p.record),
-        p.read.shape[1],
         p.read.shape[0],
+        p.read.shape[1],
         BLADES * p.flaps * (4 if p.lag_gain != 0.0 else 3),
+        BLADES * p.flaps * (2 if p.lag_gain != 0.0 else 1),
         p.time_step,
         p.turn,
         p.lag_decay,
@@ -466,7 +385,7 @@ def sizes_of(p):  # type: ignore[no-untyped-def]
 @njit(**OPTIONS)
 def work_size(s):  # type: ignore[no-untyped-def]
     """Numbers `move` works with."""
-    return s.blades * s.flaps * (2 + 2 * s.steps) + s.steps
+    return s.blades * s.flaps * (2 + 2 * s.steps)
 
 
 @njit(**OPTIONS)
@@ -476,38 +395,57 @@ def last_size(s):  # type: ignore[no-untyped-def]
 
 
 @njit(**OPTIONS)
-def move_many(p, before, actions, flaps, command, lost, jumps, stopped, square, samples):  # type: ignore[no-untyped-def]
-    """`move` for many turbines, which stand innermost; returns whether a stop took something away.
+def move_many(p, actions, flaps, command, gained, jumps, stopped, square, samples):  # type: ignore[no-untyped-def]
+    """`move` for n turbines, which stand innermost; returns whether a stop was met and whether angles jumped.
 
-    Fills flaps (4, blades F, n), command (blades F, n), rate lost and jumps (k, blades F, n), who met a stop
-    (blades F, n), the sum of squared angles over stops (n,) and, where they are wanted, the samples.
+    Changes flaps (4, blades F, n); fills command (blades F, n), rate gained and jumps (k, blades F, n), who met a stop
+    (blades F, n), the sum of squared angles over stops (n,) and, where they are wanted, the samples (n, k, size).
     """
     count, n = command.shape
+    at = p.blade_places * p.blades
     dt, decay, gain = p.time_step, p.lag_decay, p.lag_gain
-    at, met_any = p.blade_places * p.blades, 0.0
+    met_any, jumped = 0.0, 0.0
+    square[:] = 0.0
     for i in range(count):
         top_angle, top_rate, most = p.angle_limit[i], p.rate_limit[i], p.acceleration[i]
         angle, rate, lagged, travel = flaps[0, i], flaps[1, i], flaps[2, i], flaps[3, i]
         held, met = command[i], stopped[i]
-        angle[:], rate[:], lagged[:], travel[:] = before[0, i], before[1, i], before[2, i], before[3, i]
         for t in range(n):
             held[t], met[t] = min(max(actions[t, i], -1.0), 1.0) * most, 0.0
         for j in range(p.steps):
-            lost_now, jump_now = lost[j, i], jumps[j, i]
+            gained_now, jump_now = gained[j, i], jumps[j, i]
             for t in range(n):
                 acting = held[t] + gain * (lagged[t] - held[t])
-                moved, after, off, jump, hit = flap_step(angle[t], rate[t], acting, dt, top_angle, top_rate)
+                moved, after, jump, hit = flap_step(angle[t], rate[t], acting, dt, top_angle, top_rate)
                 lagged[t] = held[t] + decay * (lagged[t] - held[t])
                 travel[t] += abs(moved - angle[t])
                 square[t] += (moved / top_angle) ** 2
+                gained_now[t], jump_now[t] = after - rate[t], jump
                 angle[t], rate[t] = moved, after
                 met[t] = max(met[t], 1.0 * hit)
-                # Round-off of the subtraction is no loss.
-                lost_now[t], jump_now[t] = off * hit, jump
+                jumped += abs(jump)
             for t in range(n * p.record):
                 samples[t, j, at + i], samples[t, j, at + count + i] = angle[t], rate[t]
         met_any += met.sum()
-    return met_any > 0.0
+    return met_any > 0.0, jumped > 0.0
+
+
+@njit(**OPTIONS)
+def choose(stopped, command, lagged, gained):  # type: ignore[no-untyped-def]
+    """Leave the command of turbines whose flaps are all free, and the rate gained in every step of the others.
+
+    Turbine by turbine, and not for all at once: what one does must not depend on who is stepped beside it.
+    """
+    count, n = stopped.shape
+    for t in range(n):
+        met = 0.0
+        for i in range(count):
+            met = max(met, stopped[i, t])
+        for i in range(count):
+            command[i, t] *= 1.0 - met
+            lagged[i, t] *= 1.0 - met
+            for j in range(len(gained)):
+                gained[j, i, t] *= met
 
 
 @njit(**OPTIONS)
@@ -546,71 +484,49 @@ def decay_many(decay, modes, after):  # type: ignore[no-untyped-def]
 
 
 @njit(**OPTIONS)
-def add_stops(p, of, first, width, cosine, sine, after, rows):  # type: ignore[no-untyped-def]
-    """What stops did, `of` (k, blades F, n), to modes and rows of the turbines that met one.
-
-    In the matrices a step's columns are 2 `width` apart and begin with the column `first`.
-    """
-    k, count, n = of.shape
-    which, several = np.empty(n, np.int64), 0
-    for t in range(n):
-        total = 0.0
-        for j in range(k):
-            for i in range(count):
-                total += abs(of[j, i, t])
-        if total > 0.0:
-            which[several] = t
-            several += 1
-    if several == 0:
-        return
-    which = which[:several]
-    some_cosine, some_sine = cosine[which], sine[which]
-    given, part = np.empty((several, k * width), after.dtype), np.empty((count, several))
-    push, feed = (
-        np.empty((k * width, after.shape[1]), after.dtype),
-        np.empty((k * width, rows.shape[1]), after.dtype),
-    )
-    push[:] = 0.0
+def add_jumps(p, s, jumps, cosine, sine, after, rows):  # type: ignore[no-untyped-def]
+    """What jumps of angles (k, blades F, n) did to modes and rows: seldom, and to few, for a flap has to hit its stop."""
+    k, count, n = jumps.shape
+    width = BLADES * s.flaps
+    one, inputs = np.empty((count, 1)), np.empty((1, width), after.dtype)
     for j in range(k):
-        for i in range(count):
-            for t in range(several):
-                part[i, t] = of[j, i, which[t]]
-        components_many(part, p.effectiveness, p.flaps, some_cosine, some_sine, given, j * width)
-        at = first + 2 * width * j
-        feed[j * width : (j + 1) * width] = p.feed[at : at + width]
-        if at + width <= len(p.push):  # what the last step does reaches the modes with the next interval
-            push[j * width : (j + 1) * width] = p.push[at : at + width]
-    pushed, fed = np.dot(given, push), np.dot(given, feed)
-    for t in range(several):
-        after[which[t]] += pushed[t]
-        rows[which[t]] += fed[t]
+        row = s.given + width * (k + j)
+        for t in range(n):
+            total = 0.0
+            for i in range(count):
+                one[i, 0] = jumps[j, i, t]
+                total += abs(jumps[j, i, t])
+            if total > 0.0:
+                components_many(one, p.effectiveness, s.flaps, cosine[t : t + 1], sine[t : t + 1], inputs, 0)
+                add_inputs(p.push, row, inputs[0], 0, width, after[t])
+                add_inputs(p.feed, row, inputs[0], 0, width, rows[t])
 
 
 @njit(**OPTIONS)
-def read_many(p, s, episode, elapsed, rows, flaps, stopped, square, cosine, sine, loads):  # type: ignore[no-untyped-def]
-    """Loads of many turbines from their rows, the wind's response added."""
+def read_many(p, s, episode, elapsed, rows, flaps, stopped, square, cosine, sine, first, loads):  # type: ignore[no-untyped-def]
+    """Loads of turbines from `first` on from their rows, the wind's response added."""
     last, rbm_square, angle_square, fixed_square, samples = loads
-    azimuth, responses, place, level = episode.azimuth, episode.responses, episode.place, episode.level
-    count, n = len(stopped), elapsed.size
+    responses = episode.responses
+    count, n = len(stopped), len(rows)
     at = p.blade_places * p.blades
     fixed_at = at + 4 * count
     wind_at = fixed_at + p.fixed_places
-    own = np.empty(rows.shape[1])
+    own = np.empty(s.rows)
     for t in range(n):
-        wind, told, each = responses[place[t], min(elapsed[t], p.intervals - 1)], last[t], samples[t]
-        for r in range(own.size):
-            own[r] = rows[t, r] + wind[r] * level[t]
-        read_blades(s, own, cosine[t], sine[t], told, rbm_square[t], each)
-        read_fixed(s, own, wind, level[t], fixed_at, told, fixed_square[t], each)
+        turbine = first + t
+        level, since = episode.level[turbine], elapsed[turbine]
+        wind, told = responses[episode.place[turbine], min(since, p.intervals - 1)], last[turbine]
+        each = samples[turbine]
+        for r in range(s.rows):
+            own[r] = rows[t, r] + wind[r] * level
+        read_blades(s, own, cosine[t], sine[t], told, rbm_square[turbine], each)
+        read_fixed(s, own, wind, level, fixed_at, told, fixed_square[turbine], each)
         for i in range(count):
             told[at + i], told[at + count + i] = flaps[0, i, t], flaps[1, i, t]
             told[at + 2 * count + i], told[at + 3 * count + i] = flaps[3, i, t], stopped[i, t]
-        angle = azimuth[t] + p.turn * p.steps * (elapsed[t] + 1)
-        # Rounding must not leave a turn.
-        told[wind_at + 1] = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
-        told[wind_at + 2] = cosine[t] * s.cosine - sine[t] * s.sine
-        told[wind_at + 3] = sine[t] * s.cosine + cosine[t] * s.sine
-        angle_square[t] = square[t] / (p.steps * count)
+        turned = heading(s, episode.azimuth[turbine], since, cosine[t], sine[t])
+        told[wind_at + 1], told[wind_at + 2], told[wind_at + 3] = turned
+        angle_square[turbine] = square[t] / (p.steps * count)
 
 
 def _entry(edition: int) -> Any:
@@ -621,38 +537,54 @@ def _entry(edition: int) -> Any:
         _ = edition
         s, n, count, k = sizes_of(p), state.elapsed.size, p.angle_limit.size, p.steps
         kind, width = p.read.dtype, BLADES * p.flaps
-        flaps, command, stopped = np.empty((4, count, n)), np.empty((count, n)), np.empty((count, n))
-        lost, jumps, square = np.empty((k, count, n)), np.empty((k, count, n)), np.zeros(n)
-        azimuth = episode.azimuth + p.turn * k * state.elapsed
-        cosine, sine = np.cos(azimuth), np.sin(azimuth)
+        flaps, modes, elapsed = np.empty((4, count, n)), np.empty(state.modes.shape, kind), state.elapsed
         last, rbm_square, angle_square = np.empty((n, last_size(s))), np.empty((n, s.blades)), np.empty(n)
         fixed_square = np.empty((n, s.fixed_outputs))
         wide = s.record * (s.blade_places * s.blades + 2 * count + s.fixed_places + 1)
-        samples = np.empty((n, k * s.record, wide))
-        met = move_many(p, state.flaps, actions, flaps, command, lost, jumps, stopped, square, samples)
-        given = np.empty((n, s.given), kind)
-        components_many(state.flaps[0], p.effectiveness, p.flaps, cosine, sine, given, 0)
-        components_many(state.flaps[1], p.effectiveness, p.flaps, cosine, sine, given, width)
-        components_many(command, p.effectiveness, p.flaps, cosine, sine, given, 2 * width)
-        if p.lag_gain != 0.0:
-            components_many(state.flaps[2], p.effectiveness, p.flaps, cosine, sine, given, 3 * width)
-        modes, push, to_rows, decay = state.modes, p.push[: s.given], p.read.T, p.decay
-        after, rows = np.empty(modes.shape, kind), np.empty((n, s.rows), kind)
+        loads = (last, rbm_square, angle_square, fixed_square, np.empty((n, k * s.record, wide)))
         for first in range(0, n, BLOCK):
-            # A block's modes stay in the nearer caches while all is done with them.
+            # What belongs to a block of turbines stays in the nearer caches while all is done with it.
             some = slice(first, min(first + BLOCK, n))
-            np.dot(modes[some], to_rows, rows[some])
-            np.dot(given[some], push, after[some])
-            decay_many(decay, modes[some], after[some])
-        rows += np.dot(given, p.feed[: s.given])
-        if met:
-            # Rate is lost often, an angle jumps only where a moving flap hits its stop.
-            add_stops(p, lost, s.given, width, cosine, sine, after, rows)
-            add_stops(p, jumps, s.given + width, width, cosine, sine, after, rows)
-        loads = (last, rbm_square, angle_square, fixed_square, samples)
-        read_many(p, s, episode, state.elapsed, rows, flaps, stopped, square, cosine, sine, loads)
+            azimuth = episode.azimuth[some] + p.turn * k * elapsed[some]
+            cosine, sine = np.cos(azimuth), np.sin(azimuth)
+            size = cosine.size
+            started, command, stopped = (
+                np.empty((4, count, size)),
+                np.empty((count, size)),
+                np.empty((count, size)),
+            )
+            gained, jumps, square = np.empty((k, count, size)), np.empty((k, count, size)), np.empty(size)
+            before, after = state.modes[some], modes[some]
+            for what in range(4):
+                for i in range(count):
+                    started[what, i, :] = state.flaps[what, i, some]
+            moved = started.copy()
+            met, jumped = move_many(
+                p, actions[some], moved, command, gained, jumps, stopped, square, loads[4][some]
+            )
+            if met:
+                choose(stopped, command, started[2], gained)
+            wide = s.given + width * k * met
+            given = np.empty((size, wide), kind)
+            components_many(command, p.effectiveness, p.flaps, cosine, sine, given, 0)
+            if p.lag_gain != 0.0:
+                components_many(started[2], p.effectiveness, p.flaps, cosine, sine, given, width)
+            components_many(started[0], p.effectiveness, p.flaps, cosine, sine, given, s.commanded)
+            components_many(started[1], p.effectiveness, p.flaps, cosine, sine, given, s.commanded + width)
+            for j in range(k * met):
+                components_many(gained[j], p.effectiveness, p.flaps, cosine, sine, given, s.given + j * width)
+            np.dot(given, p.push[:wide], after)
+            decay_many(p.decay, before, after)
+            rows = np.dot(before, p.read)
+            rows += np.dot(given, p.feed[:wide])
+            if jumped:
+                add_jumps(p, s, jumps, cosine, sine, after, rows)
+            for what in range(4):
+                for i in range(count):
+                    flaps[what, i, some] = moved[what, i]
+            read_many(p, s, episode, elapsed, rows, moved, stopped, square, cosine, sine, first, loads)
         # Plain tuples: to make a named one Python's own code runs, and an interrupt there is the end of the process.
-        return (state.elapsed + 1, flaps, after), loads
+        return (elapsed + 1, flaps, modes), loads
 
     return step
 

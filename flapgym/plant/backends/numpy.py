@@ -31,17 +31,19 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     p, n = parameters, len(state.elapsed)
     azimuth = episode.azimuth + p.turn * p.steps * state.elapsed
     command: Array = np.clip(np.asarray(actions, dtype=float), -1.0, 1.0).T * p.acceleration[:, None]
-    motion, rate_lost, jumps, stopped = move(p, state.flaps, command)
-    start = [state.flaps[0], state.flaps[1], command, *([state.flaps[2]] if p.lag_gain else [])]
+    motion, jumps, stopped = move(p, state.flaps, command)
+    commanded = [command, state.flaps[2]] if p.lag_gain else [command]
     transform = _to_blades(azimuth, p.blades)
-    given = _components(p, np.stack(start), transform)
-    modes, rows = _superposed(p, state.modes, given)
+    given = _components(p, np.stack([*commanded, state.flaps[0], state.flaps[1]]), transform)
     met = np.flatnonzero(stopped.any(axis=0))
     if met.size:
-        by_step = np.stack([rate_lost, jumps], axis=1).reshape(2 * p.steps, *command.shape)
-        lost = _components(p, by_step[:, :, met], transform[met])
-        modes[met] += lost[:, : len(p.push) - p.free] @ p.push[p.free :]
-        rows[met] += lost @ p.feed[p.free :]
+        given[met, : p.commanded] = 0.0
+    modes, rows = _superposed(p, state.modes, given)
+    if met.size:
+        gained = np.diff(motion[:, 1][..., met], axis=0)
+        stepwise = _components(p, np.concatenate([gained, jumps[..., met]]), transform[met])
+        modes[met] += stepwise @ p.push[p.free :]
+        rows[met] += stepwise @ p.feed[p.free :]
     at = np.minimum(state.elapsed, p.intervals - 1)
     wind: Array = episode.responses[episode.place, at] * episode.level[:, None]
     rows = rows.astype(float)
@@ -63,7 +65,7 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     return State(elapsed, flaps, modes), loads
 
 
-def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, Array, Array, BoolArray]:
+def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, Array, BoolArray]:
     """Motion of the flaps over an interval.
 
     Parameters
@@ -78,35 +80,35 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
     -------
     motion : (k + 1, 2, blades F, n) float
         Angle and rate at samples 0 to k.
-    rate_lost, jumps : (k, blades F, n) float
-        What stops did in steps 1 to k (`flapgym.plant.actuator.flap_step`).
+    jumps : (k, blades F, n) float
+        Of the angle in steps 1 to k (`flapgym.plant.actuator.flap_step`).
     stopped : (blades F, n) bool
         Flaps that met a stop.
     """
     p = parameters
-    start = np.stack([flaps[0], flaps[1], command, flaps[2]][: 4 if p.lag_gain else 3])
+    start = np.stack([command, *([flaps[2]] if p.lag_gain else []), flaps[0], flaps[1]])
     free = free_motion(p.steps, p.time_step, p.lag_decay, p.lag_gain)
     motion = np.tensordot(free, start, axes=1)
     motion = motion.reshape(p.steps + 1, 2, *command.shape)
     limits = np.stack([p.angle_limit, p.rate_limit])[:, :, None]
     stopped: BoolArray = np.any(np.abs(motion) > limits * (1.0 - TOUCH), axis=(0, 1))
-    rate_lost, jumps = np.zeros((p.steps, *command.shape)), np.zeros((p.steps, *command.shape))
+    jumps = np.zeros((p.steps, *command.shape))
     flap, turbine = np.nonzero(stopped)
     if not flap.size:
-        return motion, rate_lost, jumps, stopped
+        return motion, jumps, stopped
     # Only those that come near a stop are marched; they may still miss it.
     angle, rate, lagged = flaps[:3, flap, turbine]
     held, met = command[flap, turbine], np.zeros(flap.size, dtype=bool)
     limit = p.angle_limit[flap], p.rate_limit[flap]
     for sample in range(p.steps):
         acting = held + p.lag_gain * (lagged - held)
-        angle, rate, lost, jump, now = flap_step(angle, rate, acting, p.time_step, *limit)
+        angle, rate, jump, now = flap_step(angle, rate, acting, p.time_step, *limit)
         lagged = held + p.lag_decay * (lagged - held)
         met |= now
         motion[sample + 1, 0, flap, turbine], motion[sample + 1, 1, flap, turbine] = angle, rate
-        rate_lost[sample, flap, turbine], jumps[sample, flap, turbine] = lost, jump
+        jumps[sample, flap, turbine] = jump
     stopped[flap, turbine] = met
-    return motion, rate_lost, jumps, stopped
+    return motion, jumps, stopped
 
 
 def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tuple[FloatArray, FloatArray]:
@@ -119,7 +121,7 @@ def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tupl
     after[:, count:] += real * across + imaginary * along
     # What flaps at rest leave would decay to denormal numbers, which make a product ten times as long.
     after[np.abs(after) < np.finfo(after.dtype).tiny] = 0.0
-    return after, modes @ p.read.T + given @ p.feed[: p.free]
+    return after, modes @ p.read + given @ p.feed[: p.free]
 
 
 def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Array) -> Array:

@@ -32,15 +32,15 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     azimuth = episode.azimuth + p.turn * p.steps * state.elapsed
     command: Array = np.clip(np.asarray(actions, dtype=float), -1.0, 1.0).T * p.acceleration[:, None]
     motion, rate_lost, jumps, stopped = move(p, state.flaps, command)
-    start = [state.flaps[0], state.flaps[1], command, *([state.flaps[2]] if p.lag_gain else [])]
     transform = _to_blades(azimuth, p.blades)
-    given = _components(p, np.stack(start), transform)
+    given = _components(p, _acting(p, state.flaps, command), transform)
     modes, rows = _superposed(p, state.modes, given)
     met = np.flatnonzero(stopped.any(axis=0))
     if met.size:
         by_step = np.stack([rate_lost, jumps], axis=1).reshape(2 * p.steps, *command.shape)
         lost = _components(p, by_step[:, :, met], transform[met])
-        modes[met] += lost[:, : len(p.push) - p.free] @ p.push[p.free :]
+        if len(p.push) > p.free:  # what is lost in the last step reaches the modes in the next interval
+            modes[met] += lost[:, : len(p.push) - p.free] @ p.push[p.free :]
         rows[met] += lost @ p.feed[p.free :]
     at = np.minimum(state.elapsed, p.intervals - 1)
     wind: Array = episode.responses[episode.place, at] * episode.level[:, None]
@@ -84,10 +84,11 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
         Flaps that met a stop.
     """
     p = parameters
-    start = np.stack([flaps[0], flaps[1], command, flaps[2]][: 4 if p.lag_gain else 3])
+    start = _acting(p, flaps, command)
     free = free_motion(p.steps, p.time_step, p.lag_decay, p.lag_gain)
-    motion = np.tensordot(free, start, axes=1)
-    motion = motion.reshape(p.steps + 1, 2, *command.shape)
+    motion: Array = (free.reshape(-1, len(start)) @ start.reshape(len(start), -1)).reshape(
+        p.steps + 1, 2, *command.shape
+    )
     limits = np.stack([p.angle_limit, p.rate_limit])[:, :, None]
     stopped: BoolArray = np.any(np.abs(motion) > limits * (1.0 - TOUCH), axis=(0, 1))
     rate_lost, jumps = np.zeros((p.steps, *command.shape)), np.zeros((p.steps, *command.shape))
@@ -122,11 +123,21 @@ def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tupl
     return after, modes @ p.read.T + given @ p.feed[: p.free]
 
 
+def _acting(parameters: Parameters, flaps: Array, command: Array) -> Array:
+    """What decides a motion at its start (3 or 4, blades F, n): angle, rate, command and, if it lags, what acts."""
+    start = np.empty((4 if parameters.lag_gain else 3, *command.shape))
+    # Not np.stack, which takes longer than all else here for a few turbines; so below.
+    start[:2], start[2], start[3:] = flaps[:2], command, flaps[2]
+    return start
+
+
 def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Array) -> Array:
     """Flaps of the state (4, blades F, n) after a motion."""
-    lagged = command + parameters.lag_decay**parameters.steps * (flaps[2] - command)
-    travel = flaps[3] + np.abs(np.diff(motion[:, 0], axis=0)).sum(axis=0)
-    return np.stack([motion[-1, 0], motion[-1, 1], lagged, travel])
+    after = np.empty_like(flaps)
+    after[:2] = motion[-1]
+    after[2] = command + parameters.lag_decay**parameters.steps * (flaps[2] - command)
+    after[3] = flaps[3] + np.abs(motion[1:, 0] - motion[:-1, 0]).sum(axis=0)
+    return after
 
 
 def _components(parameters: Parameters, values: Array, transform: Array) -> Array:

@@ -143,6 +143,7 @@ def _simulate_group(
     players = _players(agents, environment.observed, model, seeds, kept, settings)
     observation, first = environment.reset(seed=list(seeds) * len(agents))
     series = dict[str, Array]()
+    further = tuple(name for name in (*model.blade_outputs, *model.fixed_outputs) if name not in _SAMPLES)
     for done in range(0, kept, steps):
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
             actions = np.concatenate(
@@ -156,7 +157,7 @@ def _simulate_group(
             )
         observation, _, terminated, truncated, info = environment.step(actions)
         new = min(steps, kept - done)
-        for name in _SAMPLES:
+        for name in (*_SAMPLES, *further):
             samples = np.swapaxes(info["samples"][name], 0, 1)
             if not done:
                 # Time first: a step then writes one piece of memory, and not one a turbine far from each other.
@@ -174,7 +175,8 @@ def _simulate_group(
         own = {
             name: np.ascontiguousarray(np.swapaxes(values[:, rows], 0, 1)) for name, values in series.items()
         }
-        records.append(Record(**own, azimuth=first["azimuth"][rows], time_step=model.time_step))
+        more = {name: own.pop(name) for name in further}
+        records.append(Record(**own, azimuth=first["azimuth"][rows], time_step=model.time_step, further=more))
     return records
 
 

@@ -102,6 +102,11 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         default="results",
         help="folder for compare.json, .csv, .md and .png; default: %(default)s",
     )
+    sub.add_argument(
+        "--channels",
+        action="store_true",
+        help="score every load channel, too, at S-N slopes from 3 to 12: a second table",
+    )
 
 
 def _takes_build(sub: argparse.ArgumentParser) -> None:
@@ -157,6 +162,7 @@ def _compare(options: argparse.Namespace) -> Work:
         realisations=options.realisations,
         seed=options.seed,
         duration=options.duration,
+        channels=options.channels,
     )
     folder = writable_folder(options.output, FILES)
 

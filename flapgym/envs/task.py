@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flapgym.core.arrays import Array, IntArray
 from flapgym.core.fields import Quantity, check_fields

@@ -1,12 +1,15 @@
 """Metrics, damage-equivalent loads and the paired comparison of agents on the same wind (paper section IV.C)."""
 
+from flapgym.evaluation.bands import Bands, bands
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
+from flapgym.evaluation.channels import ChannelLoads, ChannelScore, SlopeScore, Split, channel_loads, split
 from flapgym.evaluation.compare import compare
 from flapgym.evaluation.comparison import SCORED_SEED, Comparison, Plan, Score, plan, run
 from flapgym.evaluation.metrics import (
     Metrics,
     Record,
     damage_equivalent_load,
+    damage_equivalent_loads,
     measure,
     root_mean_square,
     summed_damage_load,
@@ -16,17 +19,25 @@ from flapgym.evaluation.simulate import simulate, simulate_together
 
 __all__ = [
     "SCORED_SEED",
+    "Bands",
+    "ChannelLoads",
+    "ChannelScore",
     "Comparison",
     "Estimate",
     "Metrics",
     "Plan",
     "Record",
     "Score",
+    "SlopeScore",
+    "Split",
     "as_json",
     "as_markdown",
     "as_text",
+    "bands",
+    "channel_loads",
     "compare",
     "damage_equivalent_load",
+    "damage_equivalent_loads",
     "measure",
     "paired_change",
     "plan",
@@ -34,6 +45,7 @@ __all__ = [
     "run",
     "simulate",
     "simulate_together",
+    "split",
     "summed_damage_change",
     "summed_damage_load",
     "writable_folder",

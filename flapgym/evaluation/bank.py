@@ -1,4 +1,4 @@
-"""Linear controllers of one kind side by side: their steps are one product, where one after the other costs calls."""
+"""Linear controllers of one kind side by side: what goes before and behind their products is done once for all."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from flapgym.control.agent import by_blade
 from flapgym.control.blade_controller import OBSERVED, step_matrix
 from flapgym.control.channels import controller_channels
 from flapgym.core.arrays import BLADES, Array
-from flapgym.model.multiblade import to_blades, to_components
+from flapgym.model.multiblade import blade_azimuths
 
 Linear = BladeController | RotorController
+_SHARES = np.array([1.0, 2.0, 2.0]) / BLADES
+"""Of blade signals in components: a mean, and a cosine and a sine whose squares sum to half the blades."""
 
 
 class LinearBank:
     """The controllers of several agents, each at N turbines, from the start of an episode on.
 
-    Actions are those of the agents' own `predict`, to round-off. Smaller controllers are filled up with states that
-    stay zero.
+    Actions are those of the agents' own `predict`, to round-off.
 
     Parameters
     ----------
@@ -34,43 +35,57 @@ class LinearBank:
         self._alone = isinstance(agents[0], BladeController)
         channels = controller_channels(first.inputs)
         self._turned, self._flaps = channels.multiblade, channels.flaps
-        self._order = order = max(agent.system.order for agent in agents)
-        size = order + len(first.inputs), order + len(first.outputs)
-        self._step = np.zeros((self._count, *size))
-        self._start = np.zeros((self._count, len(first.inputs), order))
-        for index, agent in enumerate(agents):
+        self._inputs, self._outputs = len(first.inputs), len(first.outputs)
+        self._largest = max(agent.system.order for agent in agents)
+        self._steps, self._starts = list[Array](), list[Array]()
+        for agent in agents:
             unit = np.repeat(agent.acceleration_limits, channels.count)
-            own, product = agent.system.order, step_matrix(agent.system, unit)
-            rows = np.r_[:own, order : size[0]]
-            columns = np.r_[:own, order : size[1]]
-            self._step[index][np.ix_(rows, columns)] = product
-            self._start[index, :, :own] = agent.start.T
-        self._state: Array | None = None
-        """State and input of every controller (agents, copies, order + inputs): what the product acts on."""
+            # Signals before states, so that what a controller smaller than others has stands together.
+            product = np.roll(step_matrix(agent.system, unit), (self._inputs, self._outputs), axis=(0, 1))
+            self._steps.append(np.ascontiguousarray(product))
+            self._starts.append(agent.start.T)
+        self._before: Array | None = None
+        """Input and state of every controller (agents, copies, inputs + largest order): what the products act on."""
+        self._after = np.empty(0)
+        """Demand and state after it (agents, copies, outputs + largest order)."""
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Actions (agents N, 3 F) for observations (agents N, n), agent by agent; each call is the next step."""
         values = observation.reshape(self._count, -1, observation.shape[-1])
         signals, flaps = BLADES * (1 + 2 * self._flaps), self._flaps
-        blades, azimuth = by_blade(values[..., :signals], OBSERVED, flaps), np.empty(0)
+        blades, turn = by_blade(values[..., :signals], OBSERVED, flaps), np.empty(0)
         if not self._alone:
             blades = np.swapaxes(blades, -1, -2)
         if self._turned:
-            azimuth = np.arctan2(values[..., signals + 1], values[..., signals]).astype(float)[..., None]
-            blades = to_components(blades, azimuth)
-        measured = blades.reshape(self._count, -1, self._start.shape[1])
-        if self._state is None:
-            self._state = np.concatenate([measured @ self._start, measured], axis=-1)
-        else:
-            self._state[..., self._order :] = measured
-        after = self._state @ self._step
-        self._state[..., : self._order] = after[..., : self._order]
-        demand = after[..., self._order :]
+            # Once for both ways: `to_components` and `to_blades` take the cosines and sines of each anew.
+            turn = _to_blades(np.arctan2(values[..., signals + 1], values[..., signals]).astype(float))
+            blades = blades @ (np.swapaxes(turn, -1, -2) * _SHARES)
+        measured = blades.reshape(self._count, -1, self._inputs)
+        if self._before is None:
+            copies = measured.shape[1]
+            self._before = np.zeros((self._count, copies, self._inputs + self._largest))
+            self._after = np.zeros((self._count, copies, self._outputs + self._largest))
+            for index, start in enumerate(self._starts):
+                self._after[index, :, self._outputs : self._outputs + start.shape[1]] = (
+                    measured[index] @ start
+                )
+        self._before[..., : self._inputs] = measured
+        self._before[..., self._inputs :] = self._after[..., self._outputs :]
+        for index, step in enumerate(self._steps):
+            rows, columns = step.shape
+            np.matmul(self._before[index, :, :rows], step, out=self._after[index, :, :columns])
+        demand = self._after[..., : self._outputs]
         if not self._alone:
             # Signal by signal there, blade by blade in an action.
             demand = demand.reshape(*values.shape[:-1], flaps, BLADES)
-            demand = np.swapaxes(to_blades(demand, azimuth) if self._turned else demand, -1, -2)
+            demand = np.swapaxes(demand @ turn if self._turned else demand, -1, -2)
         return np.clip(demand, -1.0, 1.0).astype(np.float32).reshape(-1, BLADES * flaps)
+
+
+def _to_blades(azimuth: Array) -> Array:
+    """(..., 3 components, 3 blades) at rotor azimuth (...) [rad]: one, cosine and sine of each blade's azimuth."""
+    angle = blade_azimuths(azimuth)
+    return np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=-2)
 
 
 def same_kind(agent: object) -> tuple[str, ...] | None:

@@ -19,6 +19,7 @@ def compare(
     duration: float | None = None,
     output: str | os.PathLike[str] | None = None,
     progress: bool = False,
+    channels: bool = False,
 ) -> Comparison:
     """Score agents on the same realisations of the model's reference turbulence.
 
@@ -40,13 +41,15 @@ def compare(
         Folder for compare.json, .csv, .md and .png.
     progress : bool
         Show a bar on standard error.
+    channels : bool
+        Score every load channel, too, at several S-N slopes: a second table, and entries in the JSON.
 
     Raises
     ------
     ValueError, FileNotFoundError
         Naming the agent, model or option at fault.
     """
-    planned = plan(agents, model, realisations, seed, duration)
+    planned = plan(agents, model, realisations, seed, duration, channels)
     folder = None if output is None else writable_folder(output, FILES)
     comparison = run(planned, progress)
     if folder is not None:

@@ -12,11 +12,12 @@ from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.agent import check_fit
 from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
-from flapgym.core.fields import Count, Quantity
+from flapgym.core.fields import Count, Flag, Quantity
 from flapgym.core.progress import ProgressBar
 from flapgym.core.wording import shown
 from flapgym.envs.task import OBSERVABLES
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
+from flapgym.evaluation.channels import ChannelLoads, ChannelScore, channel_loads, joined, score_channel
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
 from flapgym.evaluation.simulate import get_ready, simulate_together
 from flapgym.model.nameplate import Nameplate, nameplate
@@ -97,6 +98,8 @@ class Comparison:
         [rad/s].
     flap_angle_limit : float
         Of a blade's first flap [rad].
+    channels : dict of str to tuple of ChannelScore
+        Every load channel at several slopes, by agent name; empty unless the plan asks for it.
     """
 
     scores: dict[str, Score]
@@ -110,6 +113,7 @@ class Comparison:
     duration: float
     rotor_speed: float
     flap_angle_limit: float
+    channels: dict[str, tuple[ChannelScore, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,12 +129,15 @@ class Plan:
         Of the realisations.
     duration : float
         Of each [s].
+    channels : bool
+        Whether every load channel is scored, at several slopes.
     """
 
     agents: tuple[Agent, ...]
     model: TurbineModel
     seeds: range
     duration: float
+    channels: bool
 
 
 def plan(
@@ -139,6 +146,7 @@ def plan(
     realisations: int = PAPER_REALISATIONS,
     seed: int = SCORED_SEED,
     duration: float | None = None,
+    channels: bool = False,
 ) -> Plan:
     """Read and check all that `compare` needs, before any work.
 
@@ -151,11 +159,12 @@ def plan(
     seed = Count(at_least=0, at_most=LARGEST_SEED).check(seed, "seed")
     if duration is not None:
         Quantity("time", at_least=1.0, at_most=LONGEST).check(duration, "duration")
+    channels = Flag().check(channels, "channels")
     if not isinstance(model, TurbineModel):
         model = load_model(model)
     if duration is None:
         duration = PAPER_LENGTH * model.length_scale / model.wind_speed
-    return Plan(_contestants(agents, model), model, range(seed, seed + realisations), duration)
+    return Plan(_contestants(agents, model), model, range(seed, seed + realisations), duration, channels)
 
 
 def run(comparison: Plan, progress: bool = False) -> Comparison:
@@ -163,6 +172,7 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
     model, seeds, duration = comparison.model, comparison.seeds, comparison.duration
     agents = comparison.agents
     parts: dict[str, list[Metrics]] = {agent.name: [] for agent in agents}
+    loads: dict[str, list[tuple[ChannelLoads, ...]]] = {agent.name: [] for agent in agents}
     records: dict[str, Record] = {}
     samples = len(agents) * len(seeds) * round(duration / model.time_step)
     get_ready(model)
@@ -173,9 +183,13 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
             found = simulate_together(agents, model, some, duration, bar.update)
             for agent, record in zip(agents, found, strict=True):
                 parts[agent.name].append(measure(record))
+                if comparison.channels:
+                    loads[agent.name].append(channel_loads(record))
                 records.setdefault(agent.name, _first(record))
     _require_one_wind(records)
     metrics = {name: _joined(each) for name, each in parts.items()}
+    # Channel by channel of all realisations, where each part has all channels.
+    by_channel = {name: [joined(parts) for parts in zip(*each, strict=True)] for name, each in loads.items()}
     growths = {agent.name: agent_growth(agent, model) for agent in comparison.agents}
     return Comparison(
         scores={agent.name: _score(agent, model, metrics) for agent in comparison.agents},
@@ -189,6 +203,11 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
         duration=duration,
         rotor_speed=model.rotor_speed,
         flap_angle_limit=model.flaps[0].angle_limit,
+        channels={
+            name: tuple(map(score_channel, ours, by_channel[OpenLoop.name]))
+            for name, ours in by_channel.items()
+            if ours
+        },
     )
 
 
@@ -229,8 +248,13 @@ def _batches(seeds: range, agents: int, duration: float) -> list[range]:
 
 def _first(record: Record) -> Record:
     """The first realisation alone, in arrays of its own: a view would keep the others alive."""
-    arrays = {each.name: getattr(record, each.name) for each in fields(record) if each.name != "time_step"}
-    return Record(**{name: array[:1].copy() for name, array in arrays.items()}, time_step=record.time_step)
+    arrays = {each.name: getattr(record, each.name) for each in fields(record)}
+    time_step, further = arrays.pop("time_step"), arrays.pop("further")
+    return Record(
+        **{name: array[:1].copy() for name, array in arrays.items()},
+        time_step=time_step,
+        further={name: array[:1].copy() for name, array in further.items()},
+    )
 
 
 def _joined(parts: Sequence[Metrics]) -> Metrics:

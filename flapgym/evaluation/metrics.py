@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import rainflow
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.core.fields import Numbers, Quantity
+from flapgym.core.fields import Numbers, Quantity, TupleOf
 
 FATIGUE_SLOPE = 10.0
 """Slope of the S-N curve, typical of composite blades (the paper's choice)."""
@@ -33,6 +34,8 @@ class Record:
         Of blade 1 one time step before the first sample [rad].
     time_step : float
         Sampling time [s].
+    further : mapping of str to (N, T, 3) or (N, T) float
+        Further outputs of the model by name, the blades' with three columns, in SI units.
     """
 
     rbm: NDArray[np.float64]
@@ -44,6 +47,7 @@ class Record:
     wind: NDArray[np.float64]
     azimuth: NDArray[np.float64]
     time_step: float
+    further: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +83,7 @@ def measure(record: Record) -> Metrics:
     ValueError
         If a series holds what is no finite number, or has not the moments' shape.
     """
-    _check(record)
+    check_record(record)
     duration = (record.flap_angle.shape[1] - 1) * record.time_step
     path = np.abs(np.diff(record.flap_angle, axis=1)).sum(axis=1).mean(axis=1)
     return Metrics(
@@ -131,18 +135,32 @@ def damage_equivalent_load(
     ValueError
         If an entry is masked or no finite number, or another argument is not positive.
     """
+    Quantity("number", above=0.0).check(slope, "damage_equivalent_load.slope")
+    (load,) = damage_equivalent_loads(series, time_step, [slope], equivalent_frequency)
+    return float(load)
+
+
+def damage_equivalent_loads(
+    series: ArrayLike,
+    time_step: float,
+    slopes: Sequence[float],
+    equivalent_frequency: float = EQUIVALENT_FREQUENCY,
+) -> NDArray[np.float64]:
+    """`damage_equivalent_load` at each of several S-N slopes, (slopes,), of cycles counted once."""
     name = "damage_equivalent_load"
     values = Numbers(axes=1).check(series, f"{name}.series")
     Quantity("time", above=0.0).check(time_step, f"{name}.time_step")
-    Quantity("number", above=0.0).check(slope, f"{name}.slope")
     Quantity("frequency", above=0.0).check(equivalent_frequency, f"{name}.equivalent_frequency")
+    slopes = TupleOf(Quantity("number", above=0.0)).check(slopes, f"{name}.slopes")
     ranges, counts = rainflow_cycles(values)
     largest = ranges.max(initial=0.0)
     if largest == 0.0:
-        return 0.0
+        return np.zeros(len(slopes))
     # Powers of the ratio to the largest range: S^10 of a load in N m would waste the exponent.
-    damage = np.sum(counts * (ranges / largest) ** slope)
-    return float(largest * (damage / (equivalent_frequency * values.size * time_step)) ** (1.0 / slope))
+    share, periods = ranges / largest, equivalent_frequency * values.size * time_step
+    return np.array(
+        [largest * (np.sum(counts * share**slope) / periods) ** (1.0 / slope) for slope in slopes]
+    )
 
 
 def summed_damage_load(
@@ -178,8 +196,14 @@ def turning_points(series: NDArray[np.float64]) -> NDArray[np.float64]:
     return distinct[np.concatenate([[True], inner, [True]])]
 
 
-def _check(record: Record) -> None:
-    """Refuse a record whose series do not belong together or hold what is no load."""
+def check_record(record: Record) -> None:
+    """Refuse a record whose series do not belong together or hold what is no load.
+
+    Raises
+    ------
+    ValueError
+        Naming the series.
+    """
     Quantity("time", above=0.0).check(record.time_step, "record.time_step")
     blades = Numbers(axes=3).check(record.rbm, "record.rbm").shape
     # As many flaps a blade as the angles tell, at least one.
@@ -191,3 +215,9 @@ def _check(record: Record) -> None:
         found = Numbers().check(getattr(record, name), f"record.{name}").shape
         if found != shape:
             raise ValueError(f"record.{name}: expected shape {shape}, as of the moments, got {found}")
+    for name, series in record.further.items():
+        shape = Numbers().check(series, f"record.further[{name!r}]").shape
+        if shape not in (blades, blades[:2]):
+            raise ValueError(
+                f"record.further[{name!r}]: expected shape {blades} or {blades[:2]}, got {shape}"
+            )

@@ -31,6 +31,10 @@ CHANGES = {
 FEW = 10
 """Below this number of realisations the table calls its intervals indicative."""
 
+CHANNELS_CAPTION = (
+    "Every load channel by S-N slope. DEL [%]: mean of the realisations' ratios to open loop, each realisation of one "
+    "weight. DEL and DEL, damage summed [%]: of the damage of all blades and realisations together."
+)
 
 FILES = ("compare.json", "compare.csv", "compare.md", "compare.png")
 
@@ -73,7 +77,8 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "seed": comparison.seed,
         "duration": comparison.duration,
         "agents": {
-            name: asdict(score) | _growth(comparison, name) for name, score in comparison.scores.items()
+            name: asdict(score) | _growth(comparison, name) | _channels(comparison, name)
+            for name, score in comparison.scores.items()
         },
     }
 
@@ -84,6 +89,12 @@ def _growth(comparison: Comparison, name: str) -> dict[str, float | None]:
     values = (np.nan, np.nan) if grows is None else (grows.frequency, grows.doubling_time)
     names = ("growth_frequency", "doubling_time")
     return {key: value if np.isfinite(value) else None for key, value in zip(names, values, strict=True)}
+
+
+def _channels(comparison: Comparison, name: str) -> dict[str, list[dict[str, Any]]]:
+    """An agent's entry of channels, where they were scored."""
+    scores = comparison.channels.get(name)
+    return {} if scores is None else {"channels": [asdict(score) for score in scores]}
 
 
 def as_csv(comparison: Comparison) -> str:
@@ -106,29 +117,69 @@ def as_csv(comparison: Comparison) -> str:
 
 
 def as_markdown(comparison: Comparison) -> str:
-    """The table with its caption and remarks."""
-    header, rows = _cells(comparison)
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    lines += ["| " + " | ".join(html.escape(cell).replace("|", "\\|") for cell in row) + " |" for row in rows]
-    return "\n".join([_caption(comparison), "", *lines, "", *_remarks(comparison)]) + "\n"
+    """The table with its caption and remarks, and that of the channels where they were scored."""
+    lines = [_caption(comparison), "", *_markdown_table(*_cells(comparison)), "", *_remarks(comparison)]
+    if comparison.channels:
+        lines += ["", CHANNELS_CAPTION, "", *_markdown_table(*_channel_cells(comparison))]
+    return "\n".join(lines) + "\n"
 
 
 def as_text(comparison: Comparison) -> str:
-    """The table for a terminal."""
-    header, rows = _cells(comparison)
+    """The same for a terminal."""
+    lines = [_caption(comparison), "", *_text_table(*_cells(comparison)), "", *_remarks(comparison)]
+    if comparison.channels:
+        lines += ["", CHANNELS_CAPTION, "", *_text_table(*_channel_cells(comparison))]
+    return "\n".join(lines)
+
+
+def _markdown_table(header: list[str], rows: list[list[str]]) -> list[str]:
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return lines + [
+        "| " + " | ".join(html.escape(cell).replace("|", "\\|") for cell in row) + " |" for row in rows
+    ]
+
+
+def _text_table(header: list[str], rows: list[list[str]]) -> list[str]:
     table = [header, *rows]
     widths = [max(len(row[i]) for row in table) for i in range(len(header))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in table]
     lines.insert(1, "  ".join("-" * width for width in widths))
-    return "\n".join(
-        [_caption(comparison), "", *(line.rstrip() for line in lines), "", *_remarks(comparison)]
-    )
+    return [line.rstrip() for line in lines]
 
 
 def _cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
     header = ["agent", *(f"{label} [%]" for label in CHANGES.values())]
     header += ["RBM rms [MN m]", "RBM DEL [MN m]", "max angle [deg]", "max rate [deg/s]", "travel [deg/s]"]
     return header, [_row(name, score) for name, score in comparison.scores.items()]
+
+
+def _channel_cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
+    header = ["channel", "S-N slope", "agent", "rms", "rms [%]", "DEL", "DEL [%]", "DEL, damage summed [%]"]
+    by_channel = zip(*comparison.channels.values(), strict=True)
+    rows = []
+    for agents in by_channel:
+        for place in range(len(agents[0].slopes)):
+            for name, score in zip(comparison.channels, agents, strict=True):
+                at = score.slopes[place]
+                rows.append(
+                    [
+                        score.channel,
+                        number(at.slope),
+                        name,
+                        _with_unit(score.rms, score.unit),
+                        _percent(score.rms_change),
+                        _with_unit(at.equivalent_load, score.unit),
+                        _percent(at.change),
+                        _percent(at.summed_change),
+                    ]
+                )
+    return header, rows
+
+
+def _with_unit(value: float, unit: str) -> str:
+    if unit == "N m":
+        return f"{value / 1e6:.3f} MN m"
+    return f"{value:.4g} {unit}".rstrip()
 
 
 def _row(name: str, score: Score) -> list[str]:

@@ -73,9 +73,14 @@ def simulate_together(
     for agent in agents:
         check_fit(agent, model)
     records: dict[int, Record] = {}
-    for steps in dict.fromkeys(agent.steps_per_action for agent in agents):
-        group = [index for index, agent in enumerate(agents) if agent.steps_per_action == steps]
-        found = _simulate_group([agents[i] for i in group], model, seeds, duration, advanced, settings)
+    # Flaps at rest are the same at any interval: they go along with whoever holds actions longest.
+    others = [agent.steps_per_action for agent in agents if type(agent) is not OpenLoop]
+    intervals = [
+        max(others) if others and type(agent) is OpenLoop else agent.steps_per_action for agent in agents
+    ]
+    for steps in dict.fromkeys(intervals):
+        group = [index for index, interval in enumerate(intervals) if interval == steps]
+        found = _simulate_group([agents[i] for i in group], steps, model, seeds, duration, advanced, settings)
         records |= dict(zip(group, found, strict=True))
     return [records[index] for index in range(len(agents))]
 
@@ -111,14 +116,15 @@ class _Player:
 
 def _simulate_group(
     agents: Sequence[Agent],
+    steps: int,
     model: TurbineModel,
     seeds: Sequence[int],
     duration: float,
     advanced: Advanced,
     settings: dict[str, Any],
 ) -> list[Record]:
-    """Records of agents of one interval between actions."""
-    steps, kept = agents[0].steps_per_action, round(duration / model.time_step)
+    """Records of agents of one interval between actions, so many samples."""
+    kept = round(duration / model.time_step)
     observed = tuple(dict.fromkeys(name for agent in agents for name in agent.observe))
     environment = FlapVectorEnv(
         num_envs=len(agents) * len(seeds),
@@ -137,6 +143,7 @@ def _simulate_group(
     players = _players(agents, environment.observed, model, seeds, kept, settings)
     observation, first = environment.reset(seed=list(seeds) * len(agents))
     series = dict[str, Array]()
+    further = tuple(name for name in (*model.blade_outputs, *model.fixed_outputs) if name not in _SAMPLES)
     for done in range(0, kept, steps):
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
             actions = np.concatenate(
@@ -150,11 +157,12 @@ def _simulate_group(
             )
         observation, _, terminated, truncated, info = environment.step(actions)
         new = min(steps, kept - done)
-        for name in _SAMPLES:
-            samples = info["samples"][name]
+        for name in (*_SAMPLES, *further):
+            samples = np.swapaxes(info["samples"][name], 0, 1)
             if not done:
-                series[name] = np.empty((len(samples), kept, *samples.shape[2:]))
-            series[name][:, done : done + new] = samples[:, :new]
+                # Time first: a step then writes one piece of memory, and not one a turbine far from each other.
+                series[name] = np.empty((kept, *samples.shape[1:]))
+            series[name][done : done + new] = samples[:new]
         ended = terminated | truncated
         advanced(environment.num_envs * new)
         if done + steps < kept and ended.any():
@@ -164,8 +172,11 @@ def _simulate_group(
     records = list[Record]()
     for place in np.argsort(order):
         rows = slice(place * len(seeds), (place + 1) * len(seeds))
-        own = {name: values[rows] for name, values in series.items()}
-        records.append(Record(**own, azimuth=first["azimuth"][rows], time_step=model.time_step))
+        own = {
+            name: np.ascontiguousarray(np.swapaxes(values[:, rows], 0, 1)) for name, values in series.items()
+        }
+        more = {name: own.pop(name) for name in further}
+        records.append(Record(**own, azimuth=first["azimuth"][rows], time_step=model.time_step, further=more))
     return records
 
 

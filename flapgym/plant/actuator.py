@@ -141,8 +141,8 @@ def free_motion(steps: int, time_step: float, decay: float, gain: float) -> Arra
 def stepwise_motion(steps: int, time_step: float) -> Array:
     """What steps add to rest, (2 (k + 1), 2 k): angle and rate of samples 0..k.
 
-    From the rate gained in steps 1 to k, then the jumps of the angle in them: all that a flap does between its stops and
-    at them, behind its angle and rate at the start.
+    From the rate gained in steps 1 to k, then the jumps of the angle in them: with angle and rate at the start, all
+    that a flap does between its stops and at them.
     """
     motion = np.zeros((steps + 1, 2, 2, steps))
     for step in range(steps):

@@ -485,7 +485,7 @@ def decay_many(decay, modes, after):  # type: ignore[no-untyped-def]
 
 @njit(**OPTIONS)
 def add_jumps(p, s, jumps, cosine, sine, after, rows):  # type: ignore[no-untyped-def]
-    """What jumps of angles (k, blades F, n) did to modes and rows: seldom, and to few, for a flap has to hit its stop."""
+    """What jumps of angles (k, blades F, n) did to modes and rows: few flaps hit a stop at once."""
     k, count, n = jumps.shape
     width = BLADES * s.flaps
     one, inputs = np.empty((count, 1)), np.empty((1, width), after.dtype)

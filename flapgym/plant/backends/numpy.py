@@ -32,15 +32,14 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     azimuth = episode.azimuth + p.turn * p.steps * state.elapsed
     command: Array = np.clip(np.asarray(actions, dtype=float), -1.0, 1.0).T * p.acceleration[:, None]
     motion, jumps, stopped = move(p, state.flaps, command)
-    commanded = [command, state.flaps[2]] if p.lag_gain else [command]
     transform = _to_blades(azimuth, p.blades)
-    given = _components(p, np.stack([*commanded, state.flaps[0], state.flaps[1]]), transform)
+    given = _components(p, _acting(p, state.flaps, command), transform)
     met = np.flatnonzero(stopped.any(axis=0))
     if met.size:
         given[met, : p.commanded] = 0.0
     modes, rows = _superposed(p, state.modes, given)
     if met.size:
-        gained = np.diff(motion[:, 1][..., met], axis=0)
+        gained = motion[1:, 1][..., met] - motion[:-1, 1][..., met]
         stepwise = _components(p, np.concatenate([gained, jumps[..., met]]), transform[met])
         modes[met] += stepwise @ p.push[p.free :]
         rows[met] += stepwise @ p.feed[p.free :]
@@ -86,11 +85,12 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
         Flaps that met a stop.
     """
     p = parameters
-    start = np.stack([command, *([flaps[2]] if p.lag_gain else []), flaps[0], flaps[1]])
+    start = _acting(p, flaps, command)
     free = free_motion(p.steps, p.time_step, p.lag_decay, p.lag_gain)
-    motion = np.tensordot(free, start, axes=1)
-    motion = motion.reshape(p.steps + 1, 2, *command.shape)
-    limits = np.stack([p.angle_limit, p.rate_limit])[:, :, None]
+    motion: Array = (free.reshape(-1, len(start)) @ start.reshape(len(start), -1)).reshape(
+        p.steps + 1, 2, *command.shape
+    )
+    limits = np.array([p.angle_limit, p.rate_limit])[:, :, None]
     stopped: BoolArray = np.any(np.abs(motion) > limits * (1.0 - TOUCH), axis=(0, 1))
     jumps = np.zeros((p.steps, *command.shape))
     flap, turbine = np.nonzero(stopped)
@@ -113,22 +113,35 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
 
 def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tuple[FloatArray, FloatArray]:
     """Modes after the interval (n, 2 M) and rows (n, rows) as if no stop were there."""
-    p, count = parameters, modes.shape[1] // 2
+    p, shape = parameters, (len(modes), 2, modes.shape[1] // 2)
     given = given.astype(modes.dtype)
-    (real, imaginary), along, across = p.decay, modes[:, :count], modes[:, count:]
     after = given @ p.push[: p.free]
-    after[:, :count] += real * along - imaginary * across
-    after[:, count:] += real * across + imaginary * along
+    # Real and imaginary parts at once: half of the calls, which are what few turbines wait for.
+    (real, imaginary), both, turned = p.decay, modes.reshape(shape), after.reshape(shape)
+    across = imaginary * both
+    turned += real * both
+    turned[:, 0] -= across[:, 1]
+    turned[:, 1] += across[:, 0]
     # What flaps at rest leave would decay to denormal numbers, which make a product ten times as long.
-    after[np.abs(after) < np.finfo(after.dtype).tiny] = 0.0
+    np.putmask(after, np.abs(after) < np.finfo(after.dtype).tiny, 0.0)
     return after, modes @ p.read + given @ p.feed[: p.free]
+
+
+def _acting(parameters: Parameters, flaps: Array, command: Array) -> Array:
+    """What decides a motion at its start (3 or 4, blades F, n): command, if it lags what acts, angle and rate."""
+    start = np.empty((4 if parameters.lag_gain else 3, *command.shape))
+    # np.stack would take as long as the products of a few turbines.
+    start[0], start[1], start[-2:] = command, flaps[2], flaps[:2]
+    return start
 
 
 def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Array) -> Array:
     """Flaps of the state (4, blades F, n) after a motion."""
-    lagged = command + parameters.lag_decay**parameters.steps * (flaps[2] - command)
-    travel = flaps[3] + np.abs(np.diff(motion[:, 0], axis=0)).sum(axis=0)
-    return np.stack([motion[-1, 0], motion[-1, 1], lagged, travel])
+    after = np.empty_like(flaps)
+    after[:2] = motion[-1]
+    after[2] = command + parameters.lag_decay**parameters.steps * (flaps[2] - command)
+    after[3] = flaps[3] + np.abs(motion[1:, 0] - motion[:-1, 0]).sum(axis=0)
+    return after
 
 
 def _components(parameters: Parameters, values: Array, transform: Array) -> Array:

@@ -11,7 +11,6 @@ import numpy as np
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Column, Quantity, check_fields
 from flapgym.core.units import DEGREE
-from flapgym.turbine import Rotor, TowerSections
 
 _Angle = Annotated[float, Quantity("angle", above=-45 * DEGREE, below=45 * DEGREE)]
 
@@ -48,36 +47,6 @@ class Disk:
             raise ValueError(
                 f"disk.radius: expected less than disk.hub_height ({self.hub_height:g} m), got {self.radius:g} m"
             )
-
-    @classmethod
-    def of(cls, rotor: Rotor, tower: TowerSections) -> Disk:
-        """The geometry that a turbine's data tell.
-
-        They have no radius of the tower, but its mass and its mass moment about a diameter. Of a round wall, thin
-        beside its radius, the moment is the mass times half the square of the radius at the wall's middle; half a
-        wall (0.6 % of the radius for the NREL 5 MW) is left out.
-
-        Raises
-        ------
-        ValueError
-            If a station has no mass or no moment.
-        """
-        for name in ("mass_density", "inertia"):
-            empty = np.flatnonzero(getattr(tower, name) == 0.0)
-            if empty.size:
-                raise ValueError(
-                    f"tower.{name}: expected more than 0 at every station, to tell the tower's radius, got 0 at "
-                    f"station {empty[0] + 1}"
-                )
-        return cls(
-            radius=rotor.radius,
-            hub_height=rotor.height_on(float(tower.height[-1])),
-            overhang=rotor.overhang,
-            tilt=rotor.tilt,
-            precone=rotor.precone,
-            tower_height=tower.height,
-            tower_radius=np.sqrt(2.0 * tower.inertia / tower.mass_density),
-        )
 
     def points(self, radius: Array, azimuth: Array) -> tuple[Array, Array, Array]:
         """Places of blade points: ahead (upwind) of the tower's axis, left of it, above the ground, (R, K) each [m].

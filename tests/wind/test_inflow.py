@@ -8,7 +8,6 @@ from scipy.integrate import quad
 
 from flapgym.core.fields import from_plain
 from flapgym.core.multiblade import component_harmonics, to_components
-from flapgym.turbine import load_turbine
 from flapgym.wind.disk import Disk
 from flapgym.wind.inflow import HIGHEST, Inflow, tower_dam
 
@@ -190,14 +189,6 @@ def test_the_harmonics_taken_by_default_leave_out_less_than_a_ten_thousandth_of_
     assert ((full - kept).var(axis=1) / full.var(axis=1)).max() < 1e-4
     fewer = sum(c[:, None] * np.exp(1j * m * azimuth) for m, c in enumerate(harmonics[:-3])).real
     assert ((full - fewer).var(axis=1) / full.var(axis=1)).max() > 1e-4
-
-
-def test_the_tower_s_radius_that_its_masses_tell_is_the_published_one():
-    # NREL/TP-500-38060, Table 6-1 and its text: diameters of 6 m at the base and 3.87 m at the top.
-    turbine = load_turbine("nrel5mw")
-    disk = Disk.of(turbine.rotor, turbine.tower)
-    np.testing.assert_allclose(disk.tower_radius[[0, -1]], [3.0, 1.935], rtol=0.01)
-    assert disk.hub_height == pytest.approx(90.0, abs=0.01)
 
 
 def test_points_turn_clockwise_for_one_who_looks_downwind():

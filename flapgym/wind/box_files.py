@@ -200,7 +200,17 @@ def _netcdf_classic(path: str | os.PathLike[str]) -> _Variables:
             return _by_name(
                 (name, each.dimensions, each[:], each._attributes) for name, each in file.variables.items()
             )
-    except (TypeError, ValueError, IndexError, KeyError, OverflowError, MemoryError, EOFError) as error:
+    # A broken header leads SciPy to any place and size.
+    except (
+        OSError,
+        TypeError,
+        ValueError,
+        IndexError,
+        KeyError,
+        OverflowError,
+        MemoryError,
+        EOFError,
+    ) as error:
         raise ValueError(f"a NetCDF file that is cut off or broken ({one_line(error, 100)})") from None
 
 

@@ -11,6 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array
+from flapgym.core.multiblade import blade_azimuths as blade_azimuths
+from flapgym.core.multiblade import to_blades as to_blades
+from flapgym.core.multiblade import to_components as to_components
 
 # Sum over the blades of cos^2 and sin^2 is 3/2, of one is 3: the virtual work of the components.
 WORK_WEIGHTS = np.array([3.0, 1.5, 1.5])
@@ -32,29 +35,7 @@ def derivative_coupling(rotor_speed: float) -> Array:
     return rotor_speed * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
-def blade_azimuths(azimuth: Array | float) -> Array:
-    """Azimuths (..., 3) [rad] of the three blades for rotor azimuth (...)."""
-    return np.asarray(azimuth)[..., None] + 2.0 * np.pi / BLADES * np.arange(BLADES)
-
-
 def on_rotor() -> Array:
     """Matrix (3, 3) from components (0, c, s) that turn with the rotor, its azimuth counted as zero, to blades."""
     angle = blade_azimuths(0.0)
     return np.stack([np.ones(BLADES), np.cos(angle), np.sin(angle)], axis=-1)
-
-
-def to_blades(components: Array, azimuth: Array | float) -> Array:
-    """Blade signals (..., 3) from components (..., 3) at rotor azimuth (...) [rad]."""
-    angle = blade_azimuths(azimuth)
-    return np.asarray(
-        components[..., :1] + components[..., 1:2] * np.cos(angle) + components[..., 2:] * np.sin(angle)
-    )
-
-
-def to_components(blades: Array, azimuth: Array | float) -> Array:
-    """Components (..., 3) from blade signals (..., 3) at rotor azimuth (...) [rad]."""
-    angle = blade_azimuths(azimuth)
-    mean = blades.mean(axis=-1)
-    cosine = 2.0 / BLADES * (blades * np.cos(angle)).sum(axis=-1)
-    sine = 2.0 / BLADES * (blades * np.sin(angle)).sum(axis=-1)
-    return np.stack([mean, cosine, sine], axis=-1)

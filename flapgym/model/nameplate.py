@@ -6,11 +6,14 @@ A model may hold a case of an older flapgym, or of none: each part is read by it
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
+
+import numpy as np
 
 from flapgym.core.fields import Text, from_plain
 from flapgym.turbine import Airloads, BladeSections, Discretisation, Flap, Rotor, TowerSections
+from flapgym.wind.disk import Disk
 
 T = TypeVar("T")
 
@@ -31,6 +34,8 @@ class Nameplate:
         Ends of each flap of a blade along its axis, from the apex, over the rotor radius; empty where not told.
     airloads : Airloads or None
         How the loads were read.
+    disk : Disk or None
+        Geometry of rotor and tower that the wind over the disk needs.
     """
 
     turbine: str | None = None
@@ -38,6 +43,7 @@ class Nameplate:
     hub_height: float | None = None
     flap_spans: tuple[tuple[float, float], ...] = ()
     airloads: Airloads | None = None
+    disk: Disk | None = field(default=None, compare=False)  # of the same rotor and tower
 
     @property
     def size(self) -> str:
@@ -69,7 +75,45 @@ def nameplate(case: Mapping[str, Any]) -> Nameplate:
         hub_height=None if rotor is None or tower is None else rotor.height_on(float(tower.height[-1])),
         flap_spans=_flap_spans(case, machine, rotor),
         airloads=_part(Airloads, case, "airloads"),
+        disk=None if rotor is None or tower is None else _disk(rotor, tower),
     )
+
+
+def disk_of(rotor: Rotor, tower: TowerSections) -> Disk:
+    """The geometry for the wind over the disk.
+
+    A turbine's data have no radius of the tower, but its mass and its mass moment about a diameter. Of a round wall,
+    thin beside its radius, the moment is the mass times half the square of the radius at the wall's middle; half a wall
+    (0.6 % of the radius for the NREL 5 MW) is left out.
+
+    Raises
+    ------
+    ValueError
+        If a station of the tower has no mass or no moment, or the rotor reaches the ground.
+    """
+    for name in ("mass_density", "inertia"):
+        empty = np.flatnonzero(getattr(tower, name) == 0.0)
+        if empty.size:
+            raise ValueError(
+                f"tower.{name}: expected more than 0 at every station, to tell the tower's radius, got 0 at station "
+                f"{empty[0] + 1}"
+            )
+    return Disk(
+        radius=rotor.radius,
+        hub_height=rotor.height_on(float(tower.height[-1])),
+        overhang=rotor.overhang,
+        tilt=rotor.tilt,
+        precone=rotor.precone,
+        tower_height=tower.height,
+        tower_radius=np.sqrt(2.0 * tower.inertia / tower.mass_density),
+    )
+
+
+def _disk(rotor: Rotor, tower: TowerSections) -> Disk | None:
+    try:
+        return disk_of(rotor, tower)
+    except ValueError:
+        return None
 
 
 def _part(kind: type[T], content: Mapping[str, Any], key: str) -> T | None:

@@ -1,9 +1,28 @@
-"""The wind along the shaft: von Karman turbulence and its filter (paper section III), gusts, recorded series."""
+"""The wind along the shaft: turbulence and its filter, gusts, recordings, steady inflow, boxes from files."""
 
-from flapgym.wind.gusts import Gust, gust_of
+from flapgym.wind.box import WindBox, mann_box
+from flapgym.wind.box_files import read_mann, read_netcdf, read_turbsim
+from flapgym.wind.disk import Disk
+from flapgym.wind.gusts import Gust, gust_components, gust_of
+from flapgym.wind.inflow import Inflow
 from flapgym.wind.realisation import realise
 from flapgym.wind.shaping_filter import von_karman_filter
 from flapgym.wind.spectrum import von_karman_spectrum
 from flapgym.wind.wind import Wind
 
-__all__ = ["Gust", "Wind", "gust_of", "realise", "von_karman_filter", "von_karman_spectrum"]
+__all__ = [
+    "Disk",
+    "Gust",
+    "Inflow",
+    "Wind",
+    "WindBox",
+    "gust_components",
+    "gust_of",
+    "mann_box",
+    "read_mann",
+    "read_netcdf",
+    "read_turbsim",
+    "realise",
+    "von_karman_filter",
+    "von_karman_spectrum",
+]

@@ -30,7 +30,7 @@ import numpy as np
 
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, Numbers, OneOrMore, OrNone, Quantity, check_fields
-from flapgym.wind.gusts import GUST, STRONGEST, ExtremeOperatingGust, Gust, Sinusoid, gust_of
+from flapgym.wind.gusts import GUST, STRONGEST, DiskGust, Gust, Sinusoid, SizedGust, gust_of
 
 LARGEST_POOL = 1_000_000
 """Realisations of a pool: each takes some kilobytes from the start and half a megabyte once it has been met."""
@@ -99,18 +99,24 @@ class Wind:
         mean_speed : float
             [m/s]
         rotor_diameter, hub_height : float or None
-            Of the turbine [m], if they are known: what an extreme operating gust takes where it gives none itself.
+            Of the turbine [m], if they are known: what IEC's extreme gusts take where they give none themselves.
 
         Raises
         ------
         ValueError
-            If the samples would show a sinusoid as a slower one, a recording ends before they do, an extreme gust
-            lacks the turbine's size, or the perturbation is not one finite number of at most 100 m/s at each time.
+            If the gust differs over the disk, the samples would show a sinusoid as a slower one, a recording ends
+            before they do, an extreme gust lacks the turbine's size, or the perturbation is not one finite number of at
+            most 100 m/s at each time.
         """
         if self.gust is None:
             return np.zeros(len(time))
         gust = gust_of(self.gust)
-        if isinstance(gust, ExtremeOperatingGust):
+        if isinstance(gust, DiskGust):
+            raise ValueError(
+                f"gust.kind: expected a gust that is the same over the disk here, got {gust.kind}, which needs a model "
+                "with the wind in each strip of its blades"
+            )
+        if isinstance(gust, SizedGust):
             gust = gust.on_turbine(rotor_diameter, hub_height)
         elif isinstance(gust, Sinusoid) and len(time) > 1:
             gust.check_samples(float(time[1] - time[0]))

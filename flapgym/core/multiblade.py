@@ -1,0 +1,67 @@
+"""Signals of three equal blades and their multi-blade (Coleman) components, to and fro.
+
+u_b = u_0 + u_c cos(theta_b) + u_s sin(theta_b), theta_b = theta + 2 pi b / 3 (b = 0, 1, 2): three numbers for three,
+so any signal of the blades has components, at every azimuth.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flapgym.core.arrays import BLADES, Array, ComplexArray
+
+
+def blade_azimuths(azimuth: Array | float) -> Array:
+    """Azimuths (..., 3) [rad] of the three blades for rotor azimuth (...)."""
+    return np.asarray(azimuth)[..., None] + 2.0 * np.pi / BLADES * np.arange(BLADES)
+
+
+def to_blades(components: Array, azimuth: Array | float) -> Array:
+    """Blade signals (..., 3) from components (..., 3) at rotor azimuth (...) [rad]."""
+    angle = blade_azimuths(azimuth)
+    return np.asarray(
+        components[..., :1] + components[..., 1:2] * np.cos(angle) + components[..., 2:] * np.sin(angle)
+    )
+
+
+def to_components(blades: Array, azimuth: Array | float) -> Array:
+    """Components (..., 3) from blade signals (..., 3) at rotor azimuth (...) [rad]."""
+    angle = blade_azimuths(azimuth)
+    mean = blades.mean(axis=-1)
+    cosine = 2.0 / BLADES * (blades * np.cos(angle)).sum(axis=-1)
+    sine = 2.0 / BLADES * (blades * np.sin(angle)).sum(axis=-1)
+    return np.stack([mean, cosine, sine], axis=-1)
+
+
+def component_harmonics(harmonics: ComplexArray) -> ComplexArray:
+    """Harmonics of the components of what each blade meets at its own azimuth.
+
+    Parameters
+    ----------
+    harmonics : (M + 1, ...) complex
+        c_m of u(theta) = Re sum over m of c_m exp(i m theta), m = 0 to M, where M = 3 N + 1: each component then has
+        all the harmonics that fall on it.
+
+    Returns
+    -------
+    (N + 1, ..., 3) complex
+        d_k of the components (u_0, u_c, u_s)(theta) = Re sum over k of d_k exp(3 i k theta); d_0 is real.
+
+    Raises
+    ------
+    ValueError
+        If M is no multiple of three and one.
+    """
+    if len(harmonics) % BLADES != 2:
+        raise ValueError(
+            f"harmonics: expected those from 0 to a multiple of {BLADES} and one, got {len(harmonics)} of them"
+        )
+    # The sum over the blades of exp(i m theta_b) is zero unless 3 divides m, and cos and sin move m by one: of the
+    # harmonics, n = 3 k stays in u_0, and its neighbours n - 1 and n + 1 are those of u_c and u_s. Harmonic 1 has no
+    # other neighbour at n = 0 than itself, as there is no harmonic -1.
+    middle = harmonics[:-1:BLADES]
+    above = harmonics[1::BLADES]
+    below = np.concatenate([np.zeros_like(harmonics[:1]), harmonics[2:-1:BLADES]])
+    found = np.stack([middle, below + above, 1j * (above - below)], axis=-1)
+    found[0].imag = 0.0  # of a constant only the real part is told
+    return found

@@ -15,7 +15,7 @@ from flapgym.aeroelastic.periodic import PeriodicEquations
 from flapgym.aeroelastic.stations import FLAPWISE, cut_at, nodes_beside, station_shares
 from flapgym.core.arrays import Array
 from flapgym.model.multiblade import WORK_WEIGHTS, hub_components
-from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, turbine_inputs, turbine_outputs
+from flapgym.model.signals import BLADE_OUTPUTS, GRAVITY, blade_inputs, turbine_inputs, turbine_outputs
 from flapgym.reduction import normal_modes
 from flapgym.structure import LinearBlade, LinearSupport
 from flapgym.structure.rotation import rigid_displacement
@@ -54,6 +54,12 @@ class Parts:
         """Strips whose wind is an input of its own."""
         return self.lattice.strips if self.case.signals.wind == "by strip" else 0
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Inputs of the turbine."""
+        signals = self.case.signals
+        return turbine_inputs(self.lattice.flaps, self.strips, gravity=signals.gravity)
+
     @cached_property
     def modal_support(self) -> tuple[tuple[Array, Array, Array], Array]:
         """Mass, damping, stiffness (t, t) of the support in its modes, and those modes (N, t).
@@ -85,36 +91,42 @@ def turbine_equations(parts: Parts) -> Equations:
     gust = lattice.select("gust")
     homogeneous = np.kron(three[:, :1], gust.sum(axis=1, keepdims=True))
     flaps = flap_effectiveness(parts) * lattice.select("flap_angle", "flap_rate")
+    felt = np.hstack(
+        [
+            *(np.kron(three, column[:, None]) for column in flaps.T),
+            homogeneous,
+            *(np.kron(three, column[:, None]) for column in gust.T[: parts.strips]),
+        ]
+    )
+    exogenous = np.zeros((len(felt), len(parts.inputs)))
+    exogenous[:, : felt.shape[1]] = felt
     lattice_input = LatticeInput(
         position=np.kron(three, by_position) @ T + np.kron(three, by_rate) @ rate,
         velocity=np.asarray(np.kron(three, by_rate) @ T),
-        exogenous=np.hstack(
-            [
-                *(np.kron(three, column[:, None]) for column in flaps.T),
-                homogeneous,
-                *(np.kron(three, column[:, None]) for column in gust.T[: parts.strips]),
-            ]
-        ),
+        exogenous=exogenous,
     )
     motion, acting = (T, rate, acceleration), np.kron(three, lattice.on_structure)
+    forcing = structure.work @ acting_on(parts, whole_load(parts, own))
+    forcing[3 * m :] += support_forcing(parts, support_shape)
     structure = replace(structure, work=structure.work @ acting)
     further = parts.case.signals.further
     tower = np.hstack([np.zeros((2, 3 * m)), (parts.support.tower_top @ support_shape)[:2]])
     outputs = [
-        summed_load(root_load(parts, own), *motion),
-        _positions(np.kron(three, tip_deflection(parts.case, parts.shape)) @ T, structure),
-        _positions(tower, structure),
-        *(_further_output(parts, name, own, motion, structure) for name, _ in further),
+        summed_load(parts, root_load(parts, own), *motion),
+        _positions(parts, np.kron(three, tip_deflection(parts.case, parts.shape)) @ T),
+        _positions(parts, tower),
+        *(_further_output(parts, name, own, motion) for name, _ in further),
     ]
     output = Output(*(np.vstack([getattr(part, f.name) for part in outputs]) for f in fields(Output)))
-    names = turbine_inputs(lattice.flaps, parts.strips), turbine_outputs(further)
-    return Equations(structure, lattice_input, output, *names)
+    return Equations(structure, lattice_input, output, parts.inputs, turbine_outputs(further), forcing)
 
 
-def _positions(rows: Array, structure: SecondOrder) -> Output:
+def _positions(parts: Parts, rows: Array) -> Output:
     """Outputs that are rows (k, nd) of the structure's positions."""
-    still = np.zeros_like(rows)
-    return Output(still, still, rows, np.zeros((len(rows), structure.work.shape[1])))
+    still, k = np.zeros_like(rows), len(rows)
+    return Output(
+        still, still, rows, np.zeros((k, 3 * len(parts.lattice.load))), np.zeros((k, len(parts.inputs)))
+    )
 
 
 def _further_output(
@@ -122,17 +134,16 @@ def _further_output(
     name: str,
     own: tuple[Array, Array, Array],
     motion: tuple[Array, Array, Array],
-    structure: SecondOrder,
 ) -> Output:
     """An output that the case asks for by name; ``own`` is of the blade, ``motion`` as for ``summed_load``."""
     if name in TOWER_LOADS:
         return _tower_base(parts, TOWER_LOADS.index(name))
     if name in BLADE_LOADS:
-        return summed_load(root_load(parts, own, edgewise(parts.case)), *motion)
+        return summed_load(parts, root_load(parts, own, edgewise(parts.case)), *motion)
     share = int(name.rpartition("_")[2]) / 100.0
     if name.startswith("flapwise_moment"):
-        return summed_load(station_load(parts, own, share), *motion)
-    return _positions(np.kron(np.eye(3), deflection(parts, share)) @ motion[0], structure)
+        return summed_load(parts, station_load(parts, own, share), *motion)
+    return _positions(parts, np.kron(np.eye(3), deflection(parts, share)) @ motion[0])
 
 
 def _tower_base(parts: Parts, side: int) -> Output:
@@ -141,18 +152,23 @@ def _tower_base(parts: Parts, side: int) -> Output:
     wide = np.hstack([shape, rigid_turns(parts.support)[:, [side]]])
     support = parts.support
     mass, damping = (wide.T @ matrix @ wide for matrix in (support.mass, support.damping))
+    own = modal_blade_matrices(parts)
     structure, _, _ = turbine_structure(
-        modal_blade_matrices(parts),
+        own,
         (mass, damping, np.zeros_like(mass)),  # a rigid turn strains nothing above the ground
         blade_components(parts, wide),
         parts.case.rotor_speed,
     )
     rows, columns = slice(-1, None), slice(None, -1)
+    forcing = (
+        structure.work[rows] @ acting_on(parts, whole_load(parts, own)) + support_forcing(parts, wide)[rows]
+    )
     return Output(
         acceleration=-structure.mass[rows, columns],
         velocity=-structure.damping[rows, columns],
         position=-structure.stiffness[rows, columns],
         load=structure.work[rows] @ np.kron(np.eye(3), parts.lattice.on_structure),
+        direct=forcing,
     )
 
 
@@ -180,13 +196,13 @@ def blade_components(parts: Parts, support_shape: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class BladeLoad:
-    """A load of one blade, by force summation: the air's less what the blade's motion resists with.
+    """k loads of one blade, by force summation: the air's less what the blade's motion resists with.
 
     Attributes
     ----------
-    air : (1, ny) float
+    air : (k, ny) float
         Per output of the blade's lattice.
-    mass, damping, stiffness : (1, m + 6) float
+    mass, damping, stiffness : (k, m + 6) float
         Per acceleration, rate and position of its modes and its hub.
     """
 
@@ -194,6 +210,36 @@ class BladeLoad:
     mass: Array
     damping: Array
     stiffness: Array
+
+
+def whole_load(parts: Parts, own: tuple[Array, Array, Array]) -> BladeLoad:
+    """All m + 6 loads on a blade's modes and on its hub; ``own`` are ``modal_blade_matrices``."""
+    return BladeLoad(parts.lattice.on_structure, *own)
+
+
+def acting_on(parts: Parts, load: BladeLoad) -> Array:
+    """What inputs add to the loads of each blade past its lattice, (3 k, nu), in multi-blade components.
+
+    A blade's weight is its inertia as its hub falls: the same masses at the same places, bent as the blade is. How
+    further bending moves the weight's arms is of second order, and left out.
+    """
+    m = parts.lattice.modes
+    out = np.zeros((3 * len(load.mass), len(parts.inputs)))
+    if parts.case.signals.gravity:
+        down = parts.support.shaft_axes.T @ np.array([0.0, 0.0, -1.0])
+        fall = (
+            hub_components()[:, :3, :3] @ down
+        )  # the shaft's own frame stands, blades turn under the weight
+        out[:, parts.inputs.index(GRAVITY)] = (fall @ load.mass[:, m : m + 3].T).ravel()
+    return out
+
+
+def support_forcing(parts: Parts, shape: Array) -> Array:
+    """What inputs do on motions (N, k) of tower, nacelle and hub by themselves, (k, nu)."""
+    out = np.zeros((shape.shape[1], len(parts.inputs)))
+    if parts.case.signals.gravity:
+        out[:, parts.inputs.index(GRAVITY)] = shape.T @ parts.support.weight
+    return out
 
 
 def root_load(parts: Parts, own: tuple[Array, Array, Array], axis: Array = FLAPWISE) -> BladeLoad:
@@ -219,8 +265,8 @@ def station_load(parts: Parts, own: tuple[Array, Array, Array], share: float) ->
     )
 
 
-def summed_load(load: BladeLoad, T: Array, rate: Array, acceleration: Array) -> Output:
-    """A load of each blade in multi-blade components; T, ``rate`` and ``acceleration`` of ``turbine_structure``."""
+def summed_load(parts: Parts, load: BladeLoad, T: Array, rate: Array, acceleration: Array) -> Output:
+    """Loads of each blade in multi-blade components; T, ``rate`` and ``acceleration`` of ``turbine_structure``."""
     rows = (np.kron(np.eye(3), row) for row in (load.mass, load.damping, load.stiffness))
     mass, damping, stiffness = (np.asarray(row) for row in rows)
     return Output(
@@ -228,6 +274,7 @@ def summed_load(load: BladeLoad, T: Array, rate: Array, acceleration: Array) -> 
         velocity=-(mass @ acceleration[0] + damping @ T),
         position=-(mass @ acceleration[1] + damping @ rate + stiffness @ T),
         load=np.asarray(np.kron(np.eye(3), load.air)),
+        direct=acting_on(parts, load),
     )
 
 

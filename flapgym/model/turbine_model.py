@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -19,7 +20,7 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from flapgym.core.arrays import BLADES, Array
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
 from flapgym.core.files import MEGABYTE, parse_json, regular_file
 from flapgym.core.state_space import StateSpace, require_time_step
@@ -77,10 +78,11 @@ class TurbineModel:
         Whole turbine in multi-blade coordinates u_b = u_0 + u_c cos(theta_b) + u_s sin(theta_b),
         theta_b = theta + 2 pi b / 3 (b = 0, 1, 2). Inputs ``flap_inputs``, the flaps' angles [rad] and
         rates [rad/s] in multi-blade coordinates, then the homogeneous wind perturbation along the shaft [m/s], then,
-        where the case asks for it, that in each of a blade's strips in multi-blade coordinates.
+        where the case asks for them, that in each of a blade's strips and ``pitch_inputs`` in multi-blade
+        coordinates, and ``gravity`` [m/s^2].
         Outputs ``TURBINE_OUTPUTS``: flapwise root bending moment [N m] and tip deflection [m] in
         multi-blade coordinates, tower-top displacement [m] downwind and sideways (positive to the left of one
-        who looks downwind); then those the case asks for. All are perturbations about the trim; gravity is left out.
+        who looks downwind); then those the case asks for. All are perturbations about a trim without gravity.
     blade : StateSpace
         One blade clamped at its root, rotating alone in its own wake but bent as in the rotor's trim (the
         paper's design model): inputs
@@ -157,7 +159,7 @@ class TurbineModel:
     @property
     def strips(self) -> int:
         """Strips of a blade whose wind is an input of its own; zero where the wind is homogeneous alone."""
-        return (len(self.turbine.inputs) - len(turbine_inputs(len(self.flaps)))) // BLADES
+        return sum(re.fullmatch(r"wind\d+_0", name) is not None for name in self.turbine.inputs)
 
     @cached_property
     def blade_outputs(self) -> tuple[str, ...]:

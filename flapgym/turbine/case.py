@@ -13,6 +13,7 @@ import numpy as np
 from flapgym.core.fields import (
     Choice,
     Count,
+    Flag,
     PerBlade,
     Quantity,
     Text,
@@ -263,6 +264,8 @@ class Signals:
     ----------
     wind : "homogeneous" or "by strip"
         Whether the wind in each strip of each blade is an input, too, for a wind that differs over the rotor.
+    gravity : bool
+        Whether gravity is an input.
     outputs : tuple of str
         Of ``BLADE_LOADS``, ``TOWER_LOADS`` and those by ``STATION``: in this order after the others.
     """
@@ -275,9 +278,15 @@ class Signals:
             f"{', '.join((*BLADE_LOADS, *TOWER_LOADS))}, deflection_N or flapwise_moment_N at N percent of the blade",
         ),
     ] = ()
+    gravity: Annotated[bool, Flag()] = False
 
     def __post_init__(self) -> None:
         check_fields(self, "signals")
+
+    @property
+    def further_inputs(self) -> tuple[str, ...]:
+        """Names of the settings that ask for inputs no spectrum and no unequal blade is prepared for."""
+        return ("signals.gravity",) if self.gravity else ()
 
     @property
     def further(self) -> tuple[tuple[str, bool], ...]:

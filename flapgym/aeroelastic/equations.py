@@ -20,7 +20,7 @@ from flapgym.reduction import normal_modes
 from flapgym.structure import LinearBlade, LinearSupport
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
-from flapgym.turbine.case import BLADE_LOADS, TOWER_LOADS
+from flapgym.turbine.case import BLADE_LOADS, BLADE_MOTIONS, HUB_LOADS, TOWER_LOADS, TOWER_MOTIONS
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +110,10 @@ def turbine_equations(parts: Parts) -> Equations:
     forcing[3 * m :] += support_forcing(parts, support_shape)
     structure = replace(structure, work=structure.work @ acting)
     further = parts.case.signals.further
-    tower = np.hstack([np.zeros((2, 3 * m)), (parts.support.tower_top @ support_shape)[:2]])
     outputs = [
         summed_load(parts, root_load(parts, own), *motion),
         _positions(parts, np.kron(three, tip_deflection(parts.case, parts.shape)) @ T),
-        _positions(parts, tower),
+        _positions(parts, _tower_top(parts)),
         *(_further_output(parts, name, own, motion) for name, _ in further),
     ]
     output = Output(*(np.vstack([getattr(part, f.name) for part in outputs]) for f in fields(Output)))
@@ -138,12 +137,50 @@ def _further_output(
     """An output that the case asks for by name; ``own`` is of the blade, ``motion`` as for ``summed_load``."""
     if name in TOWER_LOADS:
         return _tower_base(parts, TOWER_LOADS.index(name))
+    if name in TOWER_MOTIONS:
+        top = _positions(parts, _tower_top(parts)[[TOWER_MOTIONS.index(name)]])
+        return replace(top, acceleration=top.position, position=top.acceleration)
+    if name in HUB_LOADS:
+        return _on_shaft(parts, own, motion, HUB_LOADS.index(name))
     if name in BLADE_LOADS:
-        return summed_load(parts, root_load(parts, own, edgewise(parts.case)), *motion)
+        axis = (edgewise, along)[BLADE_LOADS.index(name)](parts.case)
+        return summed_load(parts, root_load(parts, own, axis), *motion)
+    if name in BLADE_MOTIONS:
+        return _positions(
+            parts, np.kron(np.eye(3), tip_deflection(parts.case, parts.shape, -FLAPWISE)) @ motion[0]
+        )
     share = int(name.rpartition("_")[2]) / 100.0
     if name.startswith("flapwise_moment"):
         return summed_load(parts, station_load(parts, own, share), *motion)
     return _positions(parts, np.kron(np.eye(3), deflection(parts, share)) @ motion[0])
+
+
+def _tower_top(parts: Parts) -> Array:
+    """Displacement (2, nd) of the tower's top, downwind and to the left, per position of the structure."""
+    top = (parts.support.tower_top @ parts.modal_support[1])[:2]
+    return np.hstack([np.zeros((2, 3 * parts.lattice.modes)), top])
+
+
+def _on_shaft(
+    parts: Parts, own: tuple[Array, Array, Array], motion: tuple[Array, Array, Array], place: int
+) -> Output:
+    """Force along the shaft, or moment about an axis of its end: all blades' loads on the hub, less the hub's inertia.
+
+    ``place`` counts thrust, torque, tilt and yaw; ``own`` and ``motion`` as for ``_further_output``.
+    """
+    support, shape = parts.support, parts.modal_support[1]
+    at = (0, 3, 4, 5)[place]  # in force and moment along x, y, z of the shaft's frame
+    blade = np.zeros((6, parts.lattice.modes))
+    gather = np.hstack(
+        [w * np.hstack([blade, part.T]) for w, part in zip(WORK_WEIGHTS, hub_components(), strict=True)]
+    )[[at]]
+    of_blades = summed_load(parts, whole_load(parts, own), *motion)
+    rows = {f.name: gather @ getattr(of_blades, f.name) for f in fields(Output)}
+    support_columns = slice(3 * parts.lattice.modes, None)
+    rows["acceleration"][:, support_columns] -= (support.hub[[at]] @ support.mass) @ shape
+    rows["velocity"][:, support_columns] -= (support.hub[[at]] @ support.damping) @ shape
+    rows["direct"] += support.hub[[at]] @ support_forcing(parts, np.eye(len(shape)))
+    return Output(**rows)
 
 
 def _tower_base(parts: Parts, side: int) -> Output:
@@ -401,6 +438,12 @@ def edgewise(case: Case) -> Array:
     return np.array([np.cos(cone), 0.0, np.sin(cone)])
 
 
+def along(case: Case) -> Array:
+    """Axis (3,) of the coned, straight blade from its root to its tip, about which it is pitched backwards."""
+    cone = case.turbine.rotor.precone
+    return np.array([-np.sin(cone), 0.0, np.cos(cone)])
+
+
 def deflection(parts: Parts, share: float) -> Array:
     """Row (1, m + 6) for the deflection at a share of the blade's length, linear between the nodes beside it."""
     clamped = np.vstack([np.zeros((6, parts.shape.shape[1])), parts.shape]).reshape(
@@ -410,6 +453,10 @@ def deflection(parts: Parts, share: float) -> Array:
     return tip_deflection(parts.case, between)
 
 
-def tip_deflection(case: Case, shape: Array) -> Array:
-    """Row (1, m + 6) for the deflection of a shape's last node normal to the coned, undeflected blade, downwind."""
-    return np.hstack([edgewise(case) @ shape[-6:-3], np.zeros(6)])[None]
+def tip_deflection(case: Case, shape: Array, direction: Array | None = None) -> Array:
+    """Row (1, m + 6) for the deflection of a shape's last node in a direction (3,).
+
+    By default that is normal to the coned, undeflected blade, downwind.
+    """
+    towards = edgewise(case) if direction is None else direction
+    return np.hstack([towards @ shape[-6:-3], np.zeros(6)])[None]

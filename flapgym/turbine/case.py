@@ -248,10 +248,17 @@ class Turbulence:
         check_fields(self, "turbulence")
 
 
-BLADE_LOADS = ("rbm_edge",)
-"""Further loads of each blade that a model may tell."""
+BLADE_LOADS = ("rbm_edge", "root_torsion")
+"""Further loads of each blade that a model may tell, and the axes of its root that they turn about."""
+BLADE_MOTIONS = ("tip_in_plane",)
 TOWER_LOADS = ("tower_base_fore_aft", "tower_base_side_side")
 """Further loads of the tower."""
+TOWER_MOTIONS = ("tower_top_acceleration_fore_aft", "tower_top_acceleration_side_side")
+HUB_LOADS = ("rotor_thrust", "shaft_torque", "tilt_moment", "yaw_moment")
+"""What hub and blades exert on the shaft's end, in its axes that do not turn with the rotor."""
+FIXED = (*TOWER_LOADS, *TOWER_MOTIONS, *HUB_LOADS)
+"""Of the further outputs, those that are not the blades'."""
+NAMED = (*BLADE_LOADS, *BLADE_MOTIONS, *FIXED)
 STATION = r"(deflection_(\d|[1-9]\d|100)|flapwise_moment_(\d|[1-9]\d))"
 """Deflection and moment of each blade at a station, whole percent of its length from the root."""
 
@@ -267,15 +274,15 @@ class Signals:
     gravity : bool
         Whether gravity is an input.
     outputs : tuple of str
-        Of ``BLADE_LOADS``, ``TOWER_LOADS`` and those by ``STATION``: in this order after the others.
+        Of ``BLADE_LOADS``, ``BLADE_MOTIONS``, ``FIXED`` and those by ``STATION``: in this order after the others.
     """
 
     wind: Annotated[Literal["homogeneous", "by strip"], Choice(("homogeneous", "by strip"))] = "homogeneous"
     outputs: Annotated[
         tuple[str, ...],
         Words(
-            (*BLADE_LOADS, *TOWER_LOADS, STATION),
-            f"{', '.join((*BLADE_LOADS, *TOWER_LOADS))}, deflection_N or flapwise_moment_N at N percent of the blade",
+            (*NAMED, STATION),
+            f"{', '.join(NAMED)}, deflection_N or flapwise_moment_N at N percent of the blade",
         ),
     ] = ()
     gravity: Annotated[bool, Flag()] = False
@@ -291,7 +298,7 @@ class Signals:
     @property
     def further(self) -> tuple[tuple[str, bool], ...]:
         """The outputs, each with whether it is the blades'."""
-        return tuple((name, name not in TOWER_LOADS) for name in self.outputs)
+        return tuple((name, name not in FIXED) for name in self.outputs)
 
 
 @dataclass(frozen=True, eq=False)

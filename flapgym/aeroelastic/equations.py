@@ -12,6 +12,7 @@ from flapgym.aerodynamics import MeanFlow
 from flapgym.aeroelastic.blade_lattice import BladeLattice
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, turbine_structure
 from flapgym.aeroelastic.periodic import PeriodicEquations
+from flapgym.aeroelastic.pitch import along, pitch_axis, pitch_motion, turned_steady_loads
 from flapgym.aeroelastic.stations import FLAPWISE, cut_at, nodes_beside, station_shares
 from flapgym.core.arrays import Array
 from flapgym.model.multiblade import WORK_WEIGHTS, hub_components
@@ -58,7 +59,19 @@ class Parts:
     def inputs(self) -> tuple[str, ...]:
         """Inputs of the turbine."""
         signals = self.case.signals
-        return turbine_inputs(self.lattice.flaps, self.strips, gravity=signals.gravity)
+        return turbine_inputs(self.lattice.flaps, self.strips, pitch=signals.pitch, gravity=signals.gravity)
+
+    def pitch_columns(self, kind: str) -> slice:
+        """Where the components of the blades' pitch, its "angle", "rate" or "acceleration", stand among the inputs."""
+        first = self.inputs.index(f"pitch_{kind}_0")
+        return slice(first, first + 3)
+
+    @cached_property
+    def turned(self) -> Array:
+        """``turned_steady_loads`` of the blade, zero where pitch is no input."""
+        if not self.case.signals.pitch:
+            return np.zeros(len(self.lattice.load))
+        return turned_steady_loads(self.case, self.blade, self.shape, self.flow)
 
     @cached_property
     def modal_support(self) -> tuple[tuple[Array, Array, Array], Array]:
@@ -100,6 +113,14 @@ def turbine_equations(parts: Parts) -> Equations:
     )
     exogenous = np.zeros((len(felt), len(parts.inputs)))
     exogenous[:, : felt.shape[1]] = felt
+    if parts.case.signals.pitch:
+        held, moved = pitch_motion(parts.case)
+        askew = (
+            lattice.select("hub_turn") @ pitch_axis(parts.case)[1:]
+        )  # about the shaft the wind stays as it is
+        hub_velocity = lattice.select("hub_velocity")
+        for kind, asked in (("angle", hub_velocity @ held + askew), ("rate", hub_velocity @ moved)):
+            exogenous[:, parts.pitch_columns(kind)] = np.kron(three, asked[:, None])
     lattice_input = LatticeInput(
         position=np.kron(three, by_position) @ T + np.kron(three, by_rate) @ rate,
         velocity=np.asarray(np.kron(three, by_rate) @ T),
@@ -112,7 +133,7 @@ def turbine_equations(parts: Parts) -> Equations:
     further = parts.case.signals.further
     outputs = [
         summed_load(parts, root_load(parts, own), *motion),
-        _positions(parts, np.kron(three, tip_deflection(parts.case, parts.shape)) @ T),
+        _blade_place(parts, edgewise(parts.case), 1.0, T),
         _positions(parts, _tower_top(parts)),
         *(_further_output(parts, name, own, motion) for name, _ in further),
     ]
@@ -126,6 +147,18 @@ def _positions(parts: Parts, rows: Array) -> Output:
     return Output(
         still, still, rows, np.zeros((k, 3 * len(parts.lattice.load))), np.zeros((k, len(parts.inputs)))
     )
+
+
+def _blade_place(parts: Parts, direction: Array, share: float, T: Array) -> Output:
+    """How far a share of each blade has moved in a direction (3,), by bending and by pitch of the bent blade."""
+    out = _positions(parts, np.kron(np.eye(3), deflection(parts, share, direction)) @ T)
+    if parts.case.signals.pitch:
+        there = sum(weight * parts.blade.position[node] for node, weight in nodes_beside(parts.case, share))
+        assert out.direct is not None
+        out.direct[:, parts.pitch_columns("angle")] = np.eye(3) * np.dot(
+            direction, np.cross(pitch_axis(parts.case), there)
+        )
+    return out
 
 
 def _further_output(
@@ -146,13 +179,11 @@ def _further_output(
         axis = (edgewise, along)[BLADE_LOADS.index(name)](parts.case)
         return summed_load(parts, root_load(parts, own, axis), *motion)
     if name in BLADE_MOTIONS:
-        return _positions(
-            parts, np.kron(np.eye(3), tip_deflection(parts.case, parts.shape, -FLAPWISE)) @ motion[0]
-        )
+        return _blade_place(parts, -FLAPWISE, 1.0, motion[0])
     share = int(name.rpartition("_")[2]) / 100.0
     if name.startswith("flapwise_moment"):
         return summed_load(parts, station_load(parts, own, share), *motion)
-    return _positions(parts, np.kron(np.eye(3), deflection(parts, share)) @ motion[0])
+    return _blade_place(parts, edgewise(parts.case), share, motion[0])
 
 
 def _tower_top(parts: Parts) -> Array:
@@ -241,24 +272,28 @@ class BladeLoad:
         Per output of the blade's lattice.
     mass, damping, stiffness : (k, m + 6) float
         Per acceleration, rate and position of its modes and its hub.
+    turned : (k,) float
+        What steady loads bring as the blade is pitched, per radian.
     """
 
     air: Array
     mass: Array
     damping: Array
     stiffness: Array
+    turned: Array
 
 
 def whole_load(parts: Parts, own: tuple[Array, Array, Array]) -> BladeLoad:
     """All m + 6 loads on a blade's modes and on its hub; ``own`` are ``modal_blade_matrices``."""
-    return BladeLoad(parts.lattice.on_structure, *own)
+    return BladeLoad(parts.lattice.on_structure, *own, parts.turned[: parts.lattice.modes + 6])
 
 
 def acting_on(parts: Parts, load: BladeLoad) -> Array:
     """What inputs add to the loads of each blade past its lattice, (3 k, nu), in multi-blade components.
 
     A blade's weight is its inertia as its hub falls: the same masses at the same places, bent as the blade is. How
-    further bending moves the weight's arms is of second order, and left out.
+    further bending moves the weight's arms is of second order, and left out. Pitch moves the blade's axes as the hub
+    does, each blade by itself.
     """
     m = parts.lattice.modes
     out = np.zeros((3 * len(load.mass), len(parts.inputs)))
@@ -268,6 +303,15 @@ def acting_on(parts: Parts, load: BladeLoad) -> Array:
             hub_components()[:, :3, :3] @ down
         )  # the shaft's own frame stands, blades turn under the weight
         out[:, parts.inputs.index(GRAVITY)] = (fall @ load.mass[:, m : m + 3].T).ravel()
+    if parts.case.signals.pitch:
+        held, moved = pitch_motion(parts.case)
+        mass, damping = load.mass[:, m:], load.damping[:, m:]
+        for kind, column in (
+            ("angle", load.turned - damping @ held),
+            ("rate", -(mass @ held + damping @ moved)),
+            ("acceleration", -mass @ moved),
+        ):
+            out[:, parts.pitch_columns(kind)] = np.kron(np.eye(3), column[:, None])
     return out
 
 
@@ -282,7 +326,8 @@ def support_forcing(parts: Parts, shape: Array) -> Array:
 def root_load(parts: Parts, own: tuple[Array, Array, Array], axis: Array = FLAPWISE) -> BladeLoad:
     """The root moment about an axis (3,) in S; ``own`` are ``modal_blade_matrices``."""
     row = root_moment(parts.blade, parts.lattice.modes, axis)
-    return BladeLoad(row @ parts.lattice.on_structure, *(row @ matrix for matrix in own))
+    whole = whole_load(parts, own)
+    return BladeLoad(*(row @ getattr(whole, f.name) for f in fields(BladeLoad)))
 
 
 def station_load(parts: Parts, own: tuple[Array, Array, Array], share: float) -> BladeLoad:
@@ -299,6 +344,7 @@ def station_load(parts: Parts, own: tuple[Array, Array, Array], share: float) ->
         damping=cut.root * root.damping
         + np.append(cut.work @ blade.damping @ shape, cut.work @ blade.damping_sr),
         stiffness=cut.root * root.stiffness + np.append(cut.stiffness @ shape, np.zeros(6)),
+        turned=cut.root * root.turned + parts.turned[place],
     )
 
 
@@ -438,25 +484,19 @@ def edgewise(case: Case) -> Array:
     return np.array([np.cos(cone), 0.0, np.sin(cone)])
 
 
-def along(case: Case) -> Array:
-    """Axis (3,) of the coned, straight blade from its root to its tip, about which it is pitched backwards."""
-    cone = case.turbine.rotor.precone
-    return np.array([-np.sin(cone), 0.0, np.cos(cone)])
-
-
-def deflection(parts: Parts, share: float) -> Array:
-    """Row (1, m + 6) for the deflection at a share of the blade's length, linear between the nodes beside it."""
+def deflection(parts: Parts, share: float, direction: Array) -> Array:
+    """Row (1, m + 6) for the deflection at a share of the blade's length in a direction, linear between its nodes."""
     clamped = np.vstack([np.zeros((6, parts.shape.shape[1])), parts.shape]).reshape(
         -1, 6, parts.shape.shape[1]
     )
     between = sum(weight * clamped[node] for node, weight in nodes_beside(parts.case, share))
-    return tip_deflection(parts.case, between)
+    return _moved(between, direction)
 
 
-def tip_deflection(case: Case, shape: Array, direction: Array | None = None) -> Array:
-    """Row (1, m + 6) for the deflection of a shape's last node in a direction (3,).
+def tip_deflection(case: Case, shape: Array) -> Array:
+    """Row (1, m + 6) for the deflection of a shape's last node normal to the coned, undeflected blade, downwind."""
+    return _moved(shape, edgewise(case))
 
-    By default that is normal to the coned, undeflected blade, downwind.
-    """
-    towards = edgewise(case) if direction is None else direction
-    return np.hstack([towards @ shape[-6:-3], np.zeros(6)])[None]
+
+def _moved(shape: Array, direction: Array) -> Array:
+    return np.hstack([direction @ shape[-6:-3], np.zeros(6)])[None]

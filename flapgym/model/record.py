@@ -47,6 +47,13 @@ def readings(case: Case) -> tuple[str, ...]:
             else "; in the whole turbine slow wind and collective flaps have a state each for a longer one, which moves"
         ),
         "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",
+        *(
+            (
+                "pitch turns the bent blade rigidly, mean induced velocities along with it; it has no slow wake state",
+            )
+            if case.signals.pitch
+            else ()
+        ),
         (
             "gravity is an input, on arms that do not change with deflection; perturbations about a trim without it"
             if case.signals.gravity

@@ -22,6 +22,7 @@ import safetensors.numpy
 
 from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
+from flapgym.core.fields import from_plain
 from flapgym.core.files import MEGABYTE, parse_json, regular_file
 from flapgym.core.state_space import StateSpace, require_time_step
 from flapgym.core.wording import number, one_line, shown
@@ -29,7 +30,15 @@ from flapgym.model.check import ONE_FLAP, check_header, check_model, check_tenso
 from flapgym.model.harmonics import PeriodicPart, shaken_at
 from flapgym.model.record import Flutter, Record
 from flapgym.model.signals import BLADE_OUTPUTS as BLADE_OUTPUTS
-from flapgym.model.signals import blade_inputs, flap_names, grouped, turbine_inputs, turbine_outputs
+from flapgym.model.signals import (
+    blade_inputs,
+    flap_names,
+    grouped,
+    pitch_inputs,
+    turbine_inputs,
+    turbine_outputs,
+)
+from flapgym.turbine import Pitch
 
 FORMAT_VERSION = 2
 DEFAULT_MODEL = "nrel5mw-corrected"
@@ -142,6 +151,8 @@ class TurbineModel:
         """
         settings = [getattr(self, name) for name in _HASH_SETTINGS]
         settings += [getattr(flap, name) for flap in self.flaps for name in _LIMITS]
+        if self.pitch_actuator is not None:
+            settings += [getattr(self.pitch_actuator, f.name) for f in fields(self.pitch_actuator)]
         digest = hashlib.sha256(repr(settings).encode())
         systems = [self.turbine, self.blade]
         if self.periodic is not None:
@@ -155,6 +166,13 @@ class TurbineModel:
             parts = np.stack([response.real, response.imag]) / largest
             digest.update((np.round(parts, 3) + 0.0).astype("<f8").tobytes())
         return digest.hexdigest()
+
+    @cached_property
+    def pitch_actuator(self) -> Pitch | None:
+        """The actuator of the blades' pitch, where that is an input; as the case tells it."""
+        if pitch_inputs()[0] not in self.turbine.inputs:
+            return None
+        return from_plain(Pitch, self.case.get("pitch"), "case.pitch")
 
     @property
     def strips(self) -> int:

@@ -14,6 +14,7 @@ from flapgym.core.fields import (
     Choice,
     Count,
     Flag,
+    OrNone,
     PerBlade,
     Quantity,
     Text,
@@ -181,6 +182,29 @@ class Flap:
 
 
 @dataclass(frozen=True)
+class Pitch:
+    """The actuator that pitches a blade, the same on every blade: of second order, behind stops.
+
+    Attributes
+    ----------
+    angle_limit, rate_limit : float
+        Largest angle from the operating point's [rad] and largest rate [rad/s], to either side.
+    natural_frequency : float
+        Of the undamped actuator [Hz].
+    damping : float
+        Over critical.
+    """
+
+    angle_limit: Annotated[float, Quantity("angle", above=0.0, at_most=90 * DEGREE)]
+    rate_limit: Annotated[float, Quantity("angular rate", above=0.0, at_most=_Limit)]
+    natural_frequency: Annotated[float, Quantity("frequency", above=0.0, at_most=100.0)]
+    damping: Annotated[float, Quantity("number", above=0.0, at_most=10.0)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "pitch")
+
+
+@dataclass(frozen=True)
 class Blades:
     """What sets each of the three blades apart from the turbine's blade; blade 1 first.
 
@@ -273,6 +297,8 @@ class Signals:
         Whether the wind in each strip of each blade is an input, too, for a wind that differs over the rotor.
     gravity : bool
         Whether gravity is an input.
+    pitch : bool
+        Whether the pitch of each blade is an input; it takes a table `[pitch]`, too.
     outputs : tuple of str
         Of ``BLADE_LOADS``, ``BLADE_MOTIONS``, ``FIXED`` and those by ``STATION``: in this order after the others.
     """
@@ -286,6 +312,7 @@ class Signals:
         ),
     ] = ()
     gravity: Annotated[bool, Flag()] = False
+    pitch: Annotated[bool, Flag()] = False
 
     def __post_init__(self) -> None:
         check_fields(self, "signals")
@@ -293,7 +320,7 @@ class Signals:
     @property
     def further_inputs(self) -> tuple[str, ...]:
         """Names of the settings that ask for inputs no spectrum and no unequal blade is prepared for."""
-        return ("signals.gravity",) if self.gravity else ()
+        return tuple(f"signals.{name}" for name in ("pitch", "gravity") if getattr(self, name))
 
     @property
     def further(self) -> tuple[tuple[str, bool], ...]:
@@ -318,12 +345,17 @@ class Case:
     turbulence: Turbulence
     blades: Blades
     signals: Signals = Signals()
+    pitch: Annotated[Pitch | None, OrNone(Pitch)] = None
 
     def __post_init__(self) -> None:
         check_fields(self)
         self.turbine.blade_sections(self.discretisation.blade_elements)
         self._check_flaps()
         self._check_pitch()
+        if self.signals.pitch and self.pitch is None:
+            raise ValueError(
+                f"pitch: expected a table [pitch] with signals.pitch, of {', '.join(f.name for f in fields(Pitch))}"
+            )
         self._check_structure()
         self._check_lattice()
 

@@ -34,7 +34,7 @@ from flapgym.core.wording import number
 from flapgym.model.harmonics import TOLERANCE, fourier_series
 from flapgym.model.record import Record, readings
 from flapgym.model.reduced import reduced_model
-from flapgym.model.signals import flap_names, grouped, turbine_inputs
+from flapgym.model.signals import flap_names, grouped
 from flapgym.model.turbine_model import ModelFlap, TurbineModel
 from flapgym.reduction import ReducedSystem, normal_modes, output_rms
 from flapgym.structure import linear_support
@@ -75,6 +75,14 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     if case.blades.unequal and case.signals.outputs:
         raise ValueError(
             f"signals.outputs: expected none with unequal blades, got {', '.join(case.signals.outputs)}; leave them out"
+        )
+    if case.blades.unequal and case.signals.further_inputs:
+        name = case.signals.further_inputs[0]
+        raise ValueError(f"{name}: expected false with unequal blades, got true; leave it out")
+    if case.reduction.coupled_tolerance and case.signals.further_inputs:
+        raise ValueError(
+            f"reduction.coupled_tolerance: expected 0 % with {case.signals.further_inputs[0]}, which no spectrum "
+            f"weighs here, got {number(100 * case.reduction.coupled_tolerance)} %"
         )
     if case.signals.wind == "by strip" and case.reduction.coupled_tolerance:
         raise ValueError(
@@ -180,7 +188,7 @@ def slow_wake(parts: Parts) -> StateSpace:
     Winds by strip have the homogeneous one's state together. Each input is as it is, without states, where the case
     keeps to its frozen wake.
     """
-    case, inputs = parts.case, turbine_inputs(len(parts.case.flaps), parts.strips)
+    case, inputs = parts.case, parts.inputs
     dt, eye = case.discretisation.time_step, np.eye(len(inputs))
     if case.airloads.slow_wake == "frozen":
         none = np.zeros((0, 0)), np.zeros((0, len(inputs))), np.zeros((len(inputs), 0))

@@ -45,12 +45,16 @@ class LatticeInput:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """Model outputs y = acceleration d'' + velocity d' + position d + load f, f the lattice outputs."""
+    """Model outputs y = acceleration d'' + velocity d' + position d + load f + direct e.
+
+    f are the lattice's outputs, e the inputs; ``direct`` (ny, nu) is what inputs add past the lattice, none by default.
+    """
 
     acceleration: Array
     velocity: Array
     position: Array
     load: Array
+    direct: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +181,8 @@ def reading(output: Output, at: Instant) -> tuple[Array, Array]:
         + output.velocity @ eye[n : 2 * n]
         + output.position @ eye[:n]
     )
-    return states, output.acceleration @ at.acceleration_e + output.load @ at.load_e
+    inputs = output.acceleration @ at.acceleration_e + output.load @ at.load_e
+    return states, inputs if output.direct is None else inputs + output.direct
 
 
 def couple(equations: Equations, aerodynamics: ReducedSystem, time_step: float) -> StateSpace:

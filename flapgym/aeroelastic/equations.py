@@ -12,15 +12,16 @@ from flapgym.aerodynamics import MeanFlow
 from flapgym.aeroelastic.blade_lattice import BladeLattice
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, turbine_structure
 from flapgym.aeroelastic.periodic import PeriodicEquations
+from flapgym.aeroelastic.pitch import along, pitch_axis, pitch_motion, turned_steady_loads
 from flapgym.aeroelastic.stations import FLAPWISE, cut_at, nodes_beside, station_shares
 from flapgym.core.arrays import Array
 from flapgym.model.multiblade import WORK_WEIGHTS, hub_components
-from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, turbine_inputs, turbine_outputs
+from flapgym.model.signals import BLADE_OUTPUTS, GRAVITY, blade_inputs, turbine_inputs, turbine_outputs
 from flapgym.reduction import normal_modes
 from flapgym.structure import LinearBlade, LinearSupport
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.turbine import Case
-from flapgym.turbine.case import BLADE_LOADS, TOWER_LOADS
+from flapgym.turbine.case import BLADE_LOADS, BLADE_MOTIONS, HUB_LOADS, TOWER_LOADS, TOWER_MOTIONS
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,24 @@ class Parts:
         """Strips whose wind is an input of its own."""
         return self.lattice.strips if self.case.signals.wind == "by strip" else 0
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Inputs of the turbine."""
+        signals = self.case.signals
+        return turbine_inputs(self.lattice.flaps, self.strips, pitch=signals.pitch, gravity=signals.gravity)
+
+    def pitch_columns(self, kind: str) -> slice:
+        """Where the components of the blades' pitch, its "angle", "rate" or "acceleration", stand among the inputs."""
+        first = self.inputs.index(f"pitch_{kind}_0")
+        return slice(first, first + 3)
+
+    @cached_property
+    def turned(self) -> Array:
+        """``turned_steady_loads`` of the blade, zero where pitch is no input."""
+        if not self.case.signals.pitch:
+            return np.zeros(len(self.lattice.load))
+        return turned_steady_loads(self.case, self.blade, self.shape, self.flow)
+
     @cached_property
     def modal_support(self) -> tuple[tuple[Array, Array, Array], Array]:
         """Mass, damping, stiffness (t, t) of the support in its modes, and those modes (N, t).
@@ -85,36 +104,61 @@ def turbine_equations(parts: Parts) -> Equations:
     gust = lattice.select("gust")
     homogeneous = np.kron(three[:, :1], gust.sum(axis=1, keepdims=True))
     flaps = flap_effectiveness(parts) * lattice.select("flap_angle", "flap_rate")
+    felt = np.hstack(
+        [
+            *(np.kron(three, column[:, None]) for column in flaps.T),
+            homogeneous,
+            *(np.kron(three, column[:, None]) for column in gust.T[: parts.strips]),
+        ]
+    )
+    exogenous = np.zeros((len(felt), len(parts.inputs)))
+    exogenous[:, : felt.shape[1]] = felt
+    if parts.case.signals.pitch:
+        held, moved = pitch_motion(parts.case)
+        askew = (
+            lattice.select("hub_turn") @ pitch_axis(parts.case)[1:]
+        )  # about the shaft the wind stays as it is
+        hub_velocity = lattice.select("hub_velocity")
+        for kind, asked in (("angle", hub_velocity @ held + askew), ("rate", hub_velocity @ moved)):
+            exogenous[:, parts.pitch_columns(kind)] = np.kron(three, asked[:, None])
     lattice_input = LatticeInput(
         position=np.kron(three, by_position) @ T + np.kron(three, by_rate) @ rate,
         velocity=np.asarray(np.kron(three, by_rate) @ T),
-        exogenous=np.hstack(
-            [
-                *(np.kron(three, column[:, None]) for column in flaps.T),
-                homogeneous,
-                *(np.kron(three, column[:, None]) for column in gust.T[: parts.strips]),
-            ]
-        ),
+        exogenous=exogenous,
     )
     motion, acting = (T, rate, acceleration), np.kron(three, lattice.on_structure)
+    forcing = structure.work @ acting_on(parts, whole_load(parts, own))
+    forcing[3 * m :] += support_forcing(parts, support_shape)
     structure = replace(structure, work=structure.work @ acting)
     further = parts.case.signals.further
-    tower = np.hstack([np.zeros((2, 3 * m)), (parts.support.tower_top @ support_shape)[:2]])
     outputs = [
-        summed_load(root_load(parts, own), *motion),
-        _positions(np.kron(three, tip_deflection(parts.case, parts.shape)) @ T, structure),
-        _positions(tower, structure),
-        *(_further_output(parts, name, own, motion, structure) for name, _ in further),
+        summed_load(parts, root_load(parts, own), *motion),
+        _blade_place(parts, edgewise(parts.case), 1.0, T),
+        _positions(parts, _tower_top(parts)),
+        *(_further_output(parts, name, own, motion) for name, _ in further),
     ]
     output = Output(*(np.vstack([getattr(part, f.name) for part in outputs]) for f in fields(Output)))
-    names = turbine_inputs(lattice.flaps, parts.strips), turbine_outputs(further)
-    return Equations(structure, lattice_input, output, *names)
+    return Equations(structure, lattice_input, output, parts.inputs, turbine_outputs(further), forcing)
 
 
-def _positions(rows: Array, structure: SecondOrder) -> Output:
+def _positions(parts: Parts, rows: Array) -> Output:
     """Outputs that are rows (k, nd) of the structure's positions."""
-    still = np.zeros_like(rows)
-    return Output(still, still, rows, np.zeros((len(rows), structure.work.shape[1])))
+    still, k = np.zeros_like(rows), len(rows)
+    return Output(
+        still, still, rows, np.zeros((k, 3 * len(parts.lattice.load))), np.zeros((k, len(parts.inputs)))
+    )
+
+
+def _blade_place(parts: Parts, direction: Array, share: float, T: Array) -> Output:
+    """How far a share of each blade has moved in a direction (3,), by bending and by pitch of the bent blade."""
+    out = _positions(parts, np.kron(np.eye(3), deflection(parts, share, direction)) @ T)
+    if parts.case.signals.pitch:
+        there = sum(weight * parts.blade.position[node] for node, weight in nodes_beside(parts.case, share))
+        assert out.direct is not None
+        out.direct[:, parts.pitch_columns("angle")] = np.eye(3) * np.dot(
+            direction, np.cross(pitch_axis(parts.case), there)
+        )
+    return out
 
 
 def _further_output(
@@ -122,17 +166,52 @@ def _further_output(
     name: str,
     own: tuple[Array, Array, Array],
     motion: tuple[Array, Array, Array],
-    structure: SecondOrder,
 ) -> Output:
     """An output that the case asks for by name; ``own`` is of the blade, ``motion`` as for ``summed_load``."""
     if name in TOWER_LOADS:
         return _tower_base(parts, TOWER_LOADS.index(name))
+    if name in TOWER_MOTIONS:
+        top = _positions(parts, _tower_top(parts)[[TOWER_MOTIONS.index(name)]])
+        return replace(top, acceleration=top.position, position=top.acceleration)
+    if name in HUB_LOADS:
+        return _on_shaft(parts, own, motion, HUB_LOADS.index(name))
     if name in BLADE_LOADS:
-        return summed_load(root_load(parts, own, edgewise(parts.case)), *motion)
+        axis = (edgewise, along)[BLADE_LOADS.index(name)](parts.case)
+        return summed_load(parts, root_load(parts, own, axis), *motion)
+    if name in BLADE_MOTIONS:
+        return _blade_place(parts, -FLAPWISE, 1.0, motion[0])
     share = int(name.rpartition("_")[2]) / 100.0
     if name.startswith("flapwise_moment"):
-        return summed_load(station_load(parts, own, share), *motion)
-    return _positions(np.kron(np.eye(3), deflection(parts, share)) @ motion[0], structure)
+        return summed_load(parts, station_load(parts, own, share), *motion)
+    return _blade_place(parts, edgewise(parts.case), share, motion[0])
+
+
+def _tower_top(parts: Parts) -> Array:
+    """Displacement (2, nd) of the tower's top, downwind and to the left, per position of the structure."""
+    top = (parts.support.tower_top @ parts.modal_support[1])[:2]
+    return np.hstack([np.zeros((2, 3 * parts.lattice.modes)), top])
+
+
+def _on_shaft(
+    parts: Parts, own: tuple[Array, Array, Array], motion: tuple[Array, Array, Array], place: int
+) -> Output:
+    """Force along the shaft, or moment about an axis of its end: all blades' loads on the hub, less the hub's inertia.
+
+    ``place`` counts thrust, torque, tilt and yaw; ``own`` and ``motion`` as for ``_further_output``.
+    """
+    support, shape = parts.support, parts.modal_support[1]
+    at = (0, 3, 4, 5)[place]  # in force and moment along x, y, z of the shaft's frame
+    blade = np.zeros((6, parts.lattice.modes))
+    gather = np.hstack(
+        [w * np.hstack([blade, part.T]) for w, part in zip(WORK_WEIGHTS, hub_components(), strict=True)]
+    )[[at]]
+    of_blades = summed_load(parts, whole_load(parts, own), *motion)
+    rows = {f.name: gather @ getattr(of_blades, f.name) for f in fields(Output)}
+    support_columns = slice(3 * parts.lattice.modes, None)
+    rows["acceleration"][:, support_columns] -= (support.hub[[at]] @ support.mass) @ shape
+    rows["velocity"][:, support_columns] -= (support.hub[[at]] @ support.damping) @ shape
+    rows["direct"] += support.hub[[at]] @ support_forcing(parts, np.eye(len(shape)))
+    return Output(**rows)
 
 
 def _tower_base(parts: Parts, side: int) -> Output:
@@ -141,18 +220,23 @@ def _tower_base(parts: Parts, side: int) -> Output:
     wide = np.hstack([shape, rigid_turns(parts.support)[:, [side]]])
     support = parts.support
     mass, damping = (wide.T @ matrix @ wide for matrix in (support.mass, support.damping))
+    own = modal_blade_matrices(parts)
     structure, _, _ = turbine_structure(
-        modal_blade_matrices(parts),
+        own,
         (mass, damping, np.zeros_like(mass)),  # a rigid turn strains nothing above the ground
         blade_components(parts, wide),
         parts.case.rotor_speed,
     )
     rows, columns = slice(-1, None), slice(None, -1)
+    forcing = (
+        structure.work[rows] @ acting_on(parts, whole_load(parts, own)) + support_forcing(parts, wide)[rows]
+    )
     return Output(
         acceleration=-structure.mass[rows, columns],
         velocity=-structure.damping[rows, columns],
         position=-structure.stiffness[rows, columns],
         load=structure.work[rows] @ np.kron(np.eye(3), parts.lattice.on_structure),
+        direct=forcing,
     )
 
 
@@ -180,26 +264,70 @@ def blade_components(parts: Parts, support_shape: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class BladeLoad:
-    """A load of one blade, by force summation: the air's less what the blade's motion resists with.
+    """k loads of one blade, by force summation: the air's less what the blade's motion resists with.
 
     Attributes
     ----------
-    air : (1, ny) float
+    air : (k, ny) float
         Per output of the blade's lattice.
-    mass, damping, stiffness : (1, m + 6) float
+    mass, damping, stiffness : (k, m + 6) float
         Per acceleration, rate and position of its modes and its hub.
+    turned : (k,) float
+        What steady loads bring as the blade is pitched, per radian.
     """
 
     air: Array
     mass: Array
     damping: Array
     stiffness: Array
+    turned: Array
+
+
+def whole_load(parts: Parts, own: tuple[Array, Array, Array]) -> BladeLoad:
+    """All m + 6 loads on a blade's modes and on its hub; ``own`` are ``modal_blade_matrices``."""
+    return BladeLoad(parts.lattice.on_structure, *own, parts.turned[: parts.lattice.modes + 6])
+
+
+def acting_on(parts: Parts, load: BladeLoad) -> Array:
+    """What inputs add to the loads of each blade past its lattice, (3 k, nu), in multi-blade components.
+
+    A blade's weight is its inertia as its hub falls: the same masses at the same places, bent as the blade is. How
+    further bending moves the weight's arms is of second order, and left out. Pitch moves the blade's axes as the hub
+    does, each blade by itself.
+    """
+    m = parts.lattice.modes
+    out = np.zeros((3 * len(load.mass), len(parts.inputs)))
+    if parts.case.signals.gravity:
+        down = parts.support.shaft_axes.T @ np.array([0.0, 0.0, -1.0])
+        fall = (
+            hub_components()[:, :3, :3] @ down
+        )  # the shaft's own frame stands, blades turn under the weight
+        out[:, parts.inputs.index(GRAVITY)] = (fall @ load.mass[:, m : m + 3].T).ravel()
+    if parts.case.signals.pitch:
+        held, moved = pitch_motion(parts.case)
+        mass, damping = load.mass[:, m:], load.damping[:, m:]
+        for kind, column in (
+            ("angle", load.turned - damping @ held),
+            ("rate", -(mass @ held + damping @ moved)),
+            ("acceleration", -mass @ moved),
+        ):
+            out[:, parts.pitch_columns(kind)] = np.kron(np.eye(3), column[:, None])
+    return out
+
+
+def support_forcing(parts: Parts, shape: Array) -> Array:
+    """What inputs do on motions (N, k) of tower, nacelle and hub by themselves, (k, nu)."""
+    out = np.zeros((shape.shape[1], len(parts.inputs)))
+    if parts.case.signals.gravity:
+        out[:, parts.inputs.index(GRAVITY)] = shape.T @ parts.support.weight
+    return out
 
 
 def root_load(parts: Parts, own: tuple[Array, Array, Array], axis: Array = FLAPWISE) -> BladeLoad:
     """The root moment about an axis (3,) in S; ``own`` are ``modal_blade_matrices``."""
     row = root_moment(parts.blade, parts.lattice.modes, axis)
-    return BladeLoad(row @ parts.lattice.on_structure, *(row @ matrix for matrix in own))
+    whole = whole_load(parts, own)
+    return BladeLoad(*(row @ getattr(whole, f.name) for f in fields(BladeLoad)))
 
 
 def station_load(parts: Parts, own: tuple[Array, Array, Array], share: float) -> BladeLoad:
@@ -216,11 +344,12 @@ def station_load(parts: Parts, own: tuple[Array, Array, Array], share: float) ->
         damping=cut.root * root.damping
         + np.append(cut.work @ blade.damping @ shape, cut.work @ blade.damping_sr),
         stiffness=cut.root * root.stiffness + np.append(cut.stiffness @ shape, np.zeros(6)),
+        turned=cut.root * root.turned + parts.turned[place],
     )
 
 
-def summed_load(load: BladeLoad, T: Array, rate: Array, acceleration: Array) -> Output:
-    """A load of each blade in multi-blade components; T, ``rate`` and ``acceleration`` of ``turbine_structure``."""
+def summed_load(parts: Parts, load: BladeLoad, T: Array, rate: Array, acceleration: Array) -> Output:
+    """Loads of each blade in multi-blade components; T, ``rate`` and ``acceleration`` of ``turbine_structure``."""
     rows = (np.kron(np.eye(3), row) for row in (load.mass, load.damping, load.stiffness))
     mass, damping, stiffness = (np.asarray(row) for row in rows)
     return Output(
@@ -228,6 +357,7 @@ def summed_load(load: BladeLoad, T: Array, rate: Array, acceleration: Array) -> 
         velocity=-(mass @ acceleration[0] + damping @ T),
         position=-(mass @ acceleration[1] + damping @ rate + stiffness @ T),
         load=np.asarray(np.kron(np.eye(3), load.air)),
+        direct=acting_on(parts, load),
     )
 
 
@@ -354,15 +484,19 @@ def edgewise(case: Case) -> Array:
     return np.array([np.cos(cone), 0.0, np.sin(cone)])
 
 
-def deflection(parts: Parts, share: float) -> Array:
-    """Row (1, m + 6) for the deflection at a share of the blade's length, linear between the nodes beside it."""
+def deflection(parts: Parts, share: float, direction: Array) -> Array:
+    """Row (1, m + 6) for the deflection at a share of the blade's length in a direction, linear between its nodes."""
     clamped = np.vstack([np.zeros((6, parts.shape.shape[1])), parts.shape]).reshape(
         -1, 6, parts.shape.shape[1]
     )
     between = sum(weight * clamped[node] for node, weight in nodes_beside(parts.case, share))
-    return tip_deflection(parts.case, between)
+    return _moved(between, direction)
 
 
 def tip_deflection(case: Case, shape: Array) -> Array:
     """Row (1, m + 6) for the deflection of a shape's last node normal to the coned, undeflected blade, downwind."""
-    return np.hstack([edgewise(case) @ shape[-6:-3], np.zeros(6)])[None]
+    return _moved(shape, edgewise(case))
+
+
+def _moved(shape: Array, direction: Array) -> Array:
+    return np.hstack([direction @ shape[-6:-3], np.zeros(6)])[None]

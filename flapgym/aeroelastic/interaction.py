@@ -98,6 +98,19 @@ def following_moments(blade: LinearBlade, loads: MeanLoads, shape: Array, virtua
     return out
 
 
+def turned_forces(
+    blade: LinearBlade, point: Array, force: Array, axis: Array, shape: Array, virtual: Array
+) -> Array:
+    """Loads (m + 6 + k,) of forces (p, 3) at points of a blade, per radian by which they turn about an axis (3,).
+
+    Rows as those of ``following_moments``.
+    """
+    turned = np.cross(axis, force)
+    nodal = interpolation(blade, point)[0].T @ turned.ravel()
+    moment = np.cross(point, turned).sum(axis=0)
+    return np.concatenate([shape.T @ nodal, turned.sum(axis=0), moment, virtual.T @ nodal])
+
+
 def velocity_downwash(aero: Aerodynamics, displacement: Array) -> Array:
     """Downwash (p, k) at the collocation points per unit rate of k motions of displacement (3 p, k)."""
     return -np.einsum("pi,pik->pk", aero.normal, _by_point(displacement))

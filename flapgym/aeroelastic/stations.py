@@ -32,11 +32,14 @@ class Cut:
         Virtual displacement of the nodes: what nodal loads do on it is their moment.
     stiffness : (6 n,) float
         Moment that displacements take away, by the inertial loads they change and the arms of the steady ones.
+    steady : (3,) float
+        Steady moment [N m] about all axes.
     """
 
     root: float
     work: Array
     stiffness: Array
+    steady: Array
 
 
 def station_shares(case: Case) -> list[float]:
@@ -64,7 +67,8 @@ def cut_at(case: Case, blade: LinearBlade, share: float) -> Cut:
     beam = blade_beam(case.turbine, case.discretisation.blade_elements, case.operating_point.pitch)
     there = Configuration(blade.position, blade.orientation)
     # In balance the beam's own nodal forces are the steady loads on it: air less inertia.
-    steady = internal_force(beam, there)[:, :3]
+    nodal = internal_force(beam, there)
+    steady, moment = nodal[:, :3], np.zeros(3)
     inertial = blade.stiffness - tangent(beam, there)[6:, 6:]
     work, arms = np.zeros_like(blade.orientation[:, :2]), np.zeros_like(blade.orientation[:, :2])
     for node, weight in nodes:
@@ -77,9 +81,11 @@ def cut_at(case: Case, blade: LinearBlade, share: float) -> Cut:
         turned = weight * np.cross(steady[outer], FLAPWISE)
         arms[outer, 0] += turned
         arms[node, 0] -= turned.sum(axis=0)
+        about = np.cross(blade.position[outer] - blade.position[node], steady[outer]) + nodal[outer, 3:]
+        moment += weight * about.sum(axis=0)
     virtual = work[1:].ravel()
     root = sum(weight for node, weight in nodes if node == 0)
-    return Cut(root, virtual, virtual @ inertial - arms[1:].ravel())
+    return Cut(root, virtual, virtual @ inertial - arms[1:].ravel(), moment)
 
 
 def cuts(case: Case, blade: LinearBlade) -> list[Cut]:

@@ -25,8 +25,7 @@ from flapgym.aeroelastic.transform import in_multiblade
 from flapgym.aeroelastic.trim import Trim, trim
 from flapgym.core.arrays import Array
 from flapgym.reduction import normal_modes
-from flapgym.structure import LinearBlade, linear_support
-from flapgym.structure.rotation import hat
+from flapgym.structure import linear_support
 from flapgym.turbine import Case
 
 
@@ -99,7 +98,7 @@ def aligned(shape: Array, mass: Array, reference: Array) -> Array:
 
 def unequal_equations(parts: UnequalParts) -> PeriodicEquations:
     """The turbine by azimuth, blades in their own frames, with the turning load of their imbalance as an input."""
-    steady = np.stack([hub_load(own.blade) for own in parts.blades])
+    steady = np.stack([own.blade.on_hub for own in parts.blades])
     # What the blades have in common is in balance.
     return replace(blade_by_blade(parts.mean, parts.blades, parts.lattice), steady=steady - steady[0])
 
@@ -111,12 +110,6 @@ def multiblade_equations(equations: PeriodicEquations) -> Callable[[float], Equa
         return in_multiblade(equations(azimuth), azimuth, equations.rotor_speed, equations.modes)
 
     return at
-
-
-def hub_load(blade: LinearBlade) -> Array:
-    """Steady force and moment (6,) about the apex of a blade on the hub, in its frame: minus the hub's reaction."""
-    force, moment = blade.root_load[:3], blade.root_load[3:]
-    return -np.concatenate([force, moment + hat(blade.position[0]) @ force])
 
 
 def _pitched(case: Case, offset: float) -> Case:

@@ -244,15 +244,16 @@ class FilePath:
 class OrNone:
     """None, where something else then decides, or a value of another specification."""
 
-    item: Specification
+    item: Specification | type
+    """A data class for a table that may be left out."""
 
     def parse(self, value: object, name: str) -> object:
         """Read a TOML value."""
-        return _parsed(self.item, value, name)
+        return _read_value(self.item, value, name)
 
     def check(self, value: object, name: str) -> Any:
         """Refuse what is neither None nor such a value."""
-        return None if value is None else self.item.check(value, name)
+        return None if value is None else _plain_value(self.item, value, name)
 
 
 @dataclass(frozen=True)

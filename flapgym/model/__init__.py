@@ -4,7 +4,7 @@ Whoever runs a built model needs none of the physics behind it; `flapgym.aeroela
 """
 
 from flapgym.model.model_set import ModelSet, load_model_set, save_model_set
-from flapgym.model.signals import blade_flap_inputs, flap_inputs, strip_inputs
+from flapgym.model.signals import blade_flap_inputs, flap_inputs, pitch_inputs, strip_inputs
 from flapgym.model.turbine_model import (
     DEFAULT_MODEL,
     ModelFlap,
@@ -24,6 +24,7 @@ __all__ = [
     "flap_inputs",
     "load_model",
     "load_model_set",
+    "pitch_inputs",
     "save_model",
     "save_model_set",
     "strip_inputs",

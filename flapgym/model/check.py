@@ -16,7 +16,15 @@ from flapgym.core.arrays import Array
 from flapgym.core.files import check_plain
 from flapgym.core.wording import shown
 from flapgym.model.record import Flutter, Record
-from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, flap_names, turbine_inputs, turbine_outputs
+from flapgym.model.signals import (
+    BLADE_OUTPUTS,
+    GRAVITY,
+    blade_inputs,
+    flap_names,
+    pitch_inputs,
+    turbine_inputs,
+    turbine_outputs,
+)
 
 RANGES = {
     "wind_speed": (0.1, 200.0, "m/s"),
@@ -81,8 +89,9 @@ def check_model(model: Any) -> None:
         _check_number(getattr(model, name), name, low, high, unit)
     _check_flaps(model)
     check_plain(dict(model.case), "case")
+    model.pitch_actuator  # noqa: B018 (refuses what the case says of an actuator that is none)
     signals = {
-        "turbine": (turbine_inputs(len(model.flaps), model.strips), _told(model)),
+        "turbine": (_asked(model), _told(model)),
         "blade": (blade_inputs(len(model.flaps)), BLADE_OUTPUTS),
     }
     for system in ("turbine", "blade"):
@@ -101,6 +110,13 @@ def check_model(model: Any) -> None:
                 f"{part.order} states"
             )
     _check_periodic(model)
+
+
+def _asked(model: Any) -> tuple[str, ...]:
+    """The turbine's inputs as they must be: those of every model, then any further ones."""
+    names = model.turbine.inputs
+    pitch, gravity = (name in names for name in (pitch_inputs()[0], GRAVITY))
+    return turbine_inputs(len(model.flaps), model.strips, pitch=pitch, gravity=gravity)
 
 
 def _told(model: Any) -> tuple[str, ...]:

@@ -47,7 +47,18 @@ def readings(case: Case) -> tuple[str, ...]:
             else "; in the whole turbine slow wind and collective flaps have a state each for a longer one, which moves"
         ),
         "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",
-        "gravity left out; perturbations about the trim under the mean air and centrifugal load",
+        *(
+            (
+                "pitch turns the bent blade rigidly, mean induced velocities along with it; it has no slow wake state",
+            )
+            if case.signals.pitch
+            else ()
+        ),
+        (
+            "gravity is an input, on arms that do not change with deflection; perturbations about a trim without it"
+            if case.signals.gravity
+            else "gravity left out; perturbations about the trim under the mean air and centrifugal load"
+        ),
     )
 
 

@@ -12,7 +12,7 @@ import scipy.linalg
 
 from flapgym.core.fields import Quantity
 from flapgym.core.state_space import StateSpace
-from flapgym.model.signals import COMPONENTS, blade_flap_inputs, blade_inputs
+from flapgym.model.signals import COMPONENTS, blade_flap_inputs, blade_inputs, turbine_inputs
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.reduction import balance, relative_error
 from flapgym.wind import von_karman_filter
@@ -41,7 +41,7 @@ def reduced_model(model: TurbineModel, tolerance: float) -> TurbineModel:
     Raises
     ------
     ValueError
-        If the tolerance is out of range, or the model tells the wind strip by strip.
+        If the tolerance is out of range, or the model has winds by strip, pitch or gravity as inputs.
     """
     turbine, error = smallest(model.turbine, activity(model), tolerance)
     errors = {**model.record.errors, "turbine reduced as a whole": error}
@@ -98,6 +98,11 @@ def activity(model: TurbineModel) -> StateSpace:
         raise ValueError(
             "reduced_model: expected a homogeneous wind, got one by strip, which is weighed by no spectrum here; "
             "take the model as it is, or one without strip winds"
+        )
+    if further := model.turbine.inputs[len(turbine_inputs(len(model.flaps))) :]:
+        raise ValueError(
+            f"reduced_model: expected flaps and wind as inputs, got {further[0]}, which no spectrum weighs here; take "
+            "the model as it is, or one without pitch and gravity"
         )
     wind = von_karman_filter(
         model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step

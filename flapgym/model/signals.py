@@ -14,6 +14,8 @@ EACH_BLADE = ("1", "2", "3")
 BLADE_OUTPUTS = ("rbm", "tip_deflection")
 """What every model tells of its blades, and all that one of the clamped blade does."""
 FIXED_OUTPUTS = ("tower_fore_aft", "tower_side_side")
+GRAVITY = "gravity"
+PITCH_KINDS = ("angle", "rate", "acceleration")
 
 
 def flap_names(count: int) -> tuple[str, ...]:
@@ -41,9 +43,22 @@ def strip_inputs(strips: int, parts: Sequence[str] = COMPONENTS) -> tuple[str, .
     return _each([f"wind{strip}" for strip in range(1, strips + 1)], parts)
 
 
-def turbine_inputs(flaps: int, strips: int = 0, parts: Sequence[str] = COMPONENTS) -> tuple[str, ...]:
-    """Inputs of a turbine: flaps, homogeneous wind, and the wind by strip where the model tells strips apart."""
-    return (*flap_inputs(flaps, parts), "wind", *strip_inputs(strips, parts))
+def pitch_inputs(parts: Sequence[str] = COMPONENTS) -> tuple[str, ...]:
+    """Pitch of each blade: angles [rad], rates [rad/s] and accelerations [rad/s^2]."""
+    return _each([f"pitch_{kind}" for kind in PITCH_KINDS], parts)
+
+
+def turbine_inputs(
+    flaps: int,
+    strips: int = 0,
+    parts: Sequence[str] = COMPONENTS,
+    *,
+    pitch: bool = False,
+    gravity: bool = False,
+) -> tuple[str, ...]:
+    """Inputs of a turbine: flaps and homogeneous wind, then what its case asks for: winds by strip, pitch, gravity."""
+    own = (*flap_inputs(flaps, parts), "wind", *strip_inputs(strips, parts))
+    return own + (pitch_inputs(parts) if pitch else ()) + ((GRAVITY,) if gravity else ())
 
 
 def turbine_outputs(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -19,8 +20,9 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from flapgym.core.arrays import BLADES, Array
+from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
+from flapgym.core.fields import from_plain
 from flapgym.core.files import MEGABYTE, parse_json, regular_file
 from flapgym.core.state_space import StateSpace, require_time_step
 from flapgym.core.wording import number, one_line, shown
@@ -28,7 +30,15 @@ from flapgym.model.check import ONE_FLAP, check_header, check_model, check_tenso
 from flapgym.model.harmonics import PeriodicPart, shaken_at
 from flapgym.model.record import Flutter, Record
 from flapgym.model.signals import BLADE_OUTPUTS as BLADE_OUTPUTS
-from flapgym.model.signals import blade_inputs, flap_names, grouped, turbine_inputs, turbine_outputs
+from flapgym.model.signals import (
+    blade_inputs,
+    flap_names,
+    grouped,
+    pitch_inputs,
+    turbine_inputs,
+    turbine_outputs,
+)
+from flapgym.turbine import Pitch
 
 FORMAT_VERSION = 2
 DEFAULT_MODEL = "nrel5mw-corrected"
@@ -77,10 +87,11 @@ class TurbineModel:
         Whole turbine in multi-blade coordinates u_b = u_0 + u_c cos(theta_b) + u_s sin(theta_b),
         theta_b = theta + 2 pi b / 3 (b = 0, 1, 2). Inputs ``flap_inputs``, the flaps' angles [rad] and
         rates [rad/s] in multi-blade coordinates, then the homogeneous wind perturbation along the shaft [m/s], then,
-        where the case asks for it, that in each of a blade's strips in multi-blade coordinates.
+        where the case asks for them, that in each of a blade's strips and ``pitch_inputs`` in multi-blade
+        coordinates, and ``gravity`` [m/s^2].
         Outputs ``TURBINE_OUTPUTS``: flapwise root bending moment [N m] and tip deflection [m] in
         multi-blade coordinates, tower-top displacement [m] downwind and sideways (positive to the left of one
-        who looks downwind); then those the case asks for. All are perturbations about the trim; gravity is left out.
+        who looks downwind); then those the case asks for. All are perturbations about a trim without gravity.
     blade : StateSpace
         One blade clamped at its root, rotating alone in its own wake but bent as in the rotor's trim (the
         paper's design model): inputs
@@ -140,6 +151,8 @@ class TurbineModel:
         """
         settings = [getattr(self, name) for name in _HASH_SETTINGS]
         settings += [getattr(flap, name) for flap in self.flaps for name in _LIMITS]
+        if self.pitch_actuator is not None:
+            settings += [getattr(self.pitch_actuator, f.name) for f in fields(self.pitch_actuator)]
         digest = hashlib.sha256(repr(settings).encode())
         systems = [self.turbine, self.blade]
         if self.periodic is not None:
@@ -154,10 +167,17 @@ class TurbineModel:
             digest.update((np.round(parts, 3) + 0.0).astype("<f8").tobytes())
         return digest.hexdigest()
 
+    @cached_property
+    def pitch_actuator(self) -> Pitch | None:
+        """The actuator of the blades' pitch, where that is an input; as the case tells it."""
+        if pitch_inputs()[0] not in self.turbine.inputs:
+            return None
+        return from_plain(Pitch, self.case.get("pitch"), "case.pitch")
+
     @property
     def strips(self) -> int:
         """Strips of a blade whose wind is an input of its own; zero where the wind is homogeneous alone."""
-        return (len(self.turbine.inputs) - len(turbine_inputs(len(self.flaps)))) // BLADES
+        return sum(re.fullmatch(r"wind\d+_0", name) is not None for name in self.turbine.inputs)
 
     @cached_property
     def blade_outputs(self) -> tuple[str, ...]:

@@ -74,6 +74,12 @@ class LinearBlade:
     hub_load: AnyArray
     root_load: AnyArray
 
+    @property
+    def on_hub(self) -> AnyArray:
+        """Steady force and moment (6,) about the apex of the blade on the hub: minus the hub's reaction."""
+        force, moment = self.root_load[:3], self.root_load[3:]
+        return -np.concatenate([force, moment + hat(self.position[0]) @ force])
+
 
 def linearise(
     beam: Beam, configuration: Configuration, rotor_speed: float, load: AnyArray | None = None

@@ -43,6 +43,8 @@ class LinearSupport:
         Axes of H as columns in the tower frame.
     tower_position : (n + 1, 3) float
         Tower nodes, the base first [m].
+    weight : (N,) float
+        Nodal forces and moments of tower, nacelle and hub per unit of gravity [kg, kg m], down.
     """
 
     mass: AnyArray
@@ -53,6 +55,7 @@ class LinearSupport:
     apex: AnyArray
     shaft_axes: AnyArray
     tower_position: AnyArray
+    weight: AnyArray
 
 
 def tower_beam(turbine: Turbine) -> Beam:
@@ -117,7 +120,8 @@ def linear_support(turbine: Turbine, rotor_speed: float = 0.0) -> LinearSupport:
     top = slice(tower_size - 6, tower_size)
     hub = slice(tower_size, size)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))
-    mass[:tower_size, :tower_size] = _at_rest_mass(tower)[6:, 6:]
+    at_rest = _at_rest_mass(tower)
+    mass[:tower_size, :tower_size] = at_rest[6:, 6:]
     stiffness[:tower_size, :tower_size] = tangent(tower, tower.reference)[6:, 6:]
 
     ends = np.zeros((12, size))
@@ -138,6 +142,11 @@ def linear_support(turbine: Turbine, rotor_speed: float = 0.0) -> LinearSupport:
     damping = np.zeros((size, size))
     damping[tower_size + 3 :, tower_size + 3 :] = -polar * rotor_speed * hat(axes[:, 0])
 
+    # Weight is what a fall of all nodes alike takes; the tower's base, which is no unknown, falls too.
+    fall = np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
+    weight = mass @ np.tile(fall, size // 6)
+    weight[:tower_size] += at_rest[6:, :6] @ fall
+
     hub_motion, top_motion = np.zeros((6, size)), np.zeros((6, size))
     hub_motion[:3, hub.start : hub.start + 3] = axes.T
     hub_motion[3:, hub.start + 3 :] = axes.T
@@ -151,6 +160,7 @@ def linear_support(turbine: Turbine, rotor_speed: float = 0.0) -> LinearSupport:
         apex=shaft.reference.position[1],
         shaft_axes=axes,
         tower_position=tower.reference.position,
+        weight=weight,
     )
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from flapgym.core.fields import (
     Choice,
     Count,
+    Flag,
+    OrNone,
     PerBlade,
     Quantity,
     Text,
@@ -180,6 +182,29 @@ class Flap:
 
 
 @dataclass(frozen=True)
+class Pitch:
+    """The actuator that pitches a blade, the same on every blade: of second order, behind stops.
+
+    Attributes
+    ----------
+    angle_limit, rate_limit : float
+        Largest angle from the operating point's [rad] and largest rate [rad/s], to either side.
+    natural_frequency : float
+        Of the undamped actuator [Hz].
+    damping : float
+        Over critical.
+    """
+
+    angle_limit: Annotated[float, Quantity("angle", above=0.0, at_most=90 * DEGREE)]
+    rate_limit: Annotated[float, Quantity("angular rate", above=0.0, at_most=_Limit)]
+    natural_frequency: Annotated[float, Quantity("frequency", above=0.0, at_most=100.0)]
+    damping: Annotated[float, Quantity("number", above=0.0, at_most=10.0)]
+
+    def __post_init__(self) -> None:
+        check_fields(self, "pitch")
+
+
+@dataclass(frozen=True)
 class Blades:
     """What sets each of the three blades apart from the turbine's blade; blade 1 first.
 
@@ -247,10 +272,17 @@ class Turbulence:
         check_fields(self, "turbulence")
 
 
-BLADE_LOADS = ("rbm_edge",)
-"""Further loads of each blade that a model may tell."""
+BLADE_LOADS = ("rbm_edge", "root_torsion")
+"""Further loads of each blade that a model may tell, and the axes of its root that they turn about."""
+BLADE_MOTIONS = ("tip_in_plane",)
 TOWER_LOADS = ("tower_base_fore_aft", "tower_base_side_side")
 """Further loads of the tower."""
+TOWER_MOTIONS = ("tower_top_acceleration_fore_aft", "tower_top_acceleration_side_side")
+HUB_LOADS = ("rotor_thrust", "shaft_torque", "tilt_moment", "yaw_moment")
+"""What hub and blades exert on the shaft's end, in its axes that do not turn with the rotor."""
+FIXED = (*TOWER_LOADS, *TOWER_MOTIONS, *HUB_LOADS)
+"""Of the further outputs, those that are not the blades'."""
+NAMED = (*BLADE_LOADS, *BLADE_MOTIONS, *FIXED)
 STATION = r"(deflection_(\d|[1-9]\d|100)|flapwise_moment_(\d|[1-9]\d))"
 """Deflection and moment of each blade at a station, whole percent of its length from the root."""
 
@@ -263,26 +295,37 @@ class Signals:
     ----------
     wind : "homogeneous" or "by strip"
         Whether the wind in each strip of each blade is an input, too, for a wind that differs over the rotor.
+    gravity : bool
+        Whether gravity is an input.
+    pitch : bool
+        Whether the pitch of each blade is an input; it takes a table `[pitch]`, too.
     outputs : tuple of str
-        Of ``BLADE_LOADS``, ``TOWER_LOADS`` and those by ``STATION``: in this order after the others.
+        Of ``BLADE_LOADS``, ``BLADE_MOTIONS``, ``FIXED`` and those by ``STATION``: in this order after the others.
     """
 
     wind: Annotated[Literal["homogeneous", "by strip"], Choice(("homogeneous", "by strip"))] = "homogeneous"
     outputs: Annotated[
         tuple[str, ...],
         Words(
-            (*BLADE_LOADS, *TOWER_LOADS, STATION),
-            f"{', '.join((*BLADE_LOADS, *TOWER_LOADS))}, deflection_N or flapwise_moment_N at N percent of the blade",
+            (*NAMED, STATION),
+            f"{', '.join(NAMED)}, deflection_N or flapwise_moment_N at N percent of the blade",
         ),
     ] = ()
+    gravity: Annotated[bool, Flag()] = False
+    pitch: Annotated[bool, Flag()] = False
 
     def __post_init__(self) -> None:
         check_fields(self, "signals")
 
     @property
+    def further_inputs(self) -> tuple[str, ...]:
+        """Names of the settings that ask for inputs no spectrum and no unequal blade is prepared for."""
+        return tuple(f"signals.{name}" for name in ("pitch", "gravity") if getattr(self, name))
+
+    @property
     def further(self) -> tuple[tuple[str, bool], ...]:
         """The outputs, each with whether it is the blades'."""
-        return tuple((name, name not in TOWER_LOADS) for name in self.outputs)
+        return tuple((name, name not in FIXED) for name in self.outputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,12 +345,17 @@ class Case:
     turbulence: Turbulence
     blades: Blades
     signals: Signals = Signals()
+    pitch: Annotated[Pitch | None, OrNone(Pitch)] = None
 
     def __post_init__(self) -> None:
         check_fields(self)
         self.turbine.blade_sections(self.discretisation.blade_elements)
         self._check_flaps()
         self._check_pitch()
+        if self.signals.pitch and self.pitch is None:
+            raise ValueError(
+                f"pitch: expected a table [pitch] with signals.pitch, of {', '.join(f.name for f in fields(Pitch))}"
+            )
         self._check_structure()
         self._check_lattice()
 

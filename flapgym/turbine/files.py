@@ -25,7 +25,14 @@ T = TypeVar("T")
 DEFAULT_CASE = "nrel5mw-corrected"
 BUILT_IN = {
     "turbine": ("nrel5mw",),
-    "case": (DEFAULT_CASE, "nrel5mw-corrected-heavy-blade", "nrel5mw-rated", "nrel5mw-heavy-blade"),
+    "case": (
+        DEFAULT_CASE,
+        "nrel5mw-corrected-heavy-blade",
+        "nrel5mw-site",
+        "nrel5mw-three-flaps",
+        "nrel5mw-rated",
+        "nrel5mw-heavy-blade",
+    ),
 }
 LONGEST_CHAIN = 10
 """Files that derive from each other, one after another."""

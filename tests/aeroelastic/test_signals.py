@@ -238,7 +238,7 @@ def test_a_strip_farther_out_bends_the_root_more_until_the_tip_loses_its_lift(by
     "change, said",
     [
         ({"wind": "sheared"}, "signals.wind: expected 'homogeneous' or 'by strip', got 'sheared'"),
-        ({"outputs": ("torque",)}, r"signals.outputs\[0\]: expected rbm_edge, tower_base_fore_aft, "),
+        ({"outputs": ("torque",)}, r"signals.outputs\[0\]: expected rbm_edge, root_torsion, "),
         (
             {"outputs": ("deflection_101",)},
             r"signals.outputs\[0\]: expected .* deflection_N or flapwise_moment_N at N percent",

@@ -151,6 +151,7 @@ def test_a_rotor_on_one_sideways_spring_has_the_frequencies_of_the_two_mass_mode
         apex=np.zeros(3),
         shaft_axes=np.eye(3),
         tower_position=np.zeros((1, 3)),
+        weight=np.zeros(1),
     )
     ours = natural_frequencies(*multi_blade_matrices([blade] * 3, sideways))
     # Edgewise in the collective is decoupled from the hub; look for each analytic frequency.

@@ -15,15 +15,11 @@ import numpy as np
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Choice, FilePath, Kind, OrNone, Quantity, check_fields
 from flapgym.core.wording import number
+from flapgym.wind.iec import REFERENCE_INTENSITIES, REFERENCE_SPEEDS, normal_turbulence, turbulence_scale
 from flapgym.wind.recording import WindSeries, read_wind
 
 EXTREME_GUST_DURATION = 10.5
 """T of the extreme operating gust [s] (IEC 61400-1:2005, 6.3.2.2)."""
-REFERENCE_SPEEDS = {"I": 50.0, "II": 42.5, "III": 37.5}
-"""V_ref of the turbine classes [m/s] (IEC 61400-1:2005, Table 1)."""
-REFERENCE_INTENSITIES = {"A": 0.16, "B": 0.14, "C": 0.12}
-"""I_ref of the turbulence classes (the same table)."""
-
 ROUNDING = 1e-9
 """Time [s] by which a recording may end early."""
 STRONGEST = 100.0
@@ -156,8 +152,8 @@ class ExtremeOperatingGust:
             missing = "rotor_diameter" if self.rotor_diameter is None else "hub_height"
             raise ValueError(f"gust.{missing}: the model's case does not tell it; give it in m")
         yearly = 0.8 * 1.4 * REFERENCE_SPEEDS[self.turbine_class]
-        sigma = REFERENCE_INTENSITIES[self.turbulence_class] * (0.75 * mean + 5.6)
-        scale = 0.7 * min(self.hub_height, 60.0)
+        sigma = normal_turbulence(self.turbulence_class, mean)
+        scale = turbulence_scale(self.hub_height)
         return min(1.35 * (yearly - mean), 3.3 * sigma / (1.0 + 0.1 * self.rotor_diameter / scale))
 
     def wind(self, time: Array, mean: float) -> Array:

@@ -26,12 +26,13 @@ from flapgym.wind.turbulence import Turbulence
 KEPT = 0.9
 """Share of the spectrum, as the outermost ring's turning point meets it at the highest frequency, that is kept."""
 SCALES_APART = 5.0
-"""Integral time scales from the end of a realisation to its periodic repetition."""
-WITHIN = 16
-"""Points between two frequencies over which the spectrum at a point is averaged."""
+"""Integral time scales from the end of a realisation to its periodic repetition. Von Karman's correlation is 0.014
+there, that of Kaimal's spectrum, whose corner at zero is a long memory, 0.032."""
+WITHIN = 4
+"""Points between two frequencies over which cross-spectra are averaged."""
 TAPS = 8
 """Coarse samples that one fine sample is made of: to 5e-4 of an amplitude at the highest frequency (`_weights`)."""
-NODES = 6
+NODES = 4
 """Values of the decay, for each factor e, at which S_m is computed; a cubic spline of its logarithm goes between."""
 
 
@@ -249,12 +250,15 @@ def _prepare(
     period = points * coarse * time_step
     frequencies = np.arange(min(math.floor(highest * period), (points - 1) // 2) + 1) / period
     harmonics = needed_harmonics(field, radii[-1], wind_speed, rotor_speed, highest)
-    # The spectrum is averaged about each frequency, so that no variance is lost or won: at zero Kaimal's has a corner,
-    # where its value alone would count for more than is below it. Covariances at a lag t are less by sinc(t / period).
+    # Averages about each frequency, so that no variance is lost or won: at zero Kaimal's spectrum has a corner, where
+    # its value alone would count for more than is below it. In turn a covariance at a lag t is less by sinc(t / period).
     about = np.abs(frequencies[:, None] + ((np.arange(WITHIN) + 0.5) / WITHIN - 0.5) / period)
-    power = 0.5 * field.spectrum(about, wind_speed).mean(axis=1) / period
-    power[0] *= 0.5
-    covariance = power[:, None, None] * harmonic_shares(field, radii, wind_speed, frequencies, harmonics)
+    shares = harmonic_shares(field, radii, wind_speed, about.ravel(), harmonics)
+    shares = shares.reshape(harmonics + 1, *about.shape, *shares.shape[2:])
+    covariance = np.einsum(
+        "fw,mfwrs->mfrs", 0.5 / (WITHIN * period) * field.spectrum(about, wind_speed), shares
+    )
+    covariance[:, 0] *= 0.5
     values, vectors = np.linalg.eigh(covariance)
     # S_0 at low frequencies is almost of rank one, and harmonics far above what a ring's size holds almost zero.
     kept = np.maximum(values, 0.0)
@@ -312,14 +316,15 @@ def harmonic_shares(
     wind_speed : float
         [m/s]
     frequencies : (F,) float
-        Rising, not negative [Hz].
+        Not negative [Hz].
     harmonics : int
         M.
     """
     decay = field.decay(frequencies, wind_speed)
-    count = math.ceil(NODES * math.log(decay[-1] / decay[0])) + 4
-    # They depend on frequency through the decay alone, and smoothly: the spline is good to 3e-5.
-    nodes = decay if len(decay) <= count else np.geomspace(decay[0], decay[-1], count)
+    least, most = float(decay.min()), float(decay.max())
+    count = math.ceil(NODES * math.log(most / least)) + 4
+    # They depend on frequency through the decay alone, and smoothly: the spline is good to 1e-4.
+    nodes = decay if len(decay) <= count else np.geomspace(least, most, count)
     shares = np.stack([_azimuthal(field, radii, node, harmonics) for node in nodes], axis=1)
     if nodes is not decay:
         from scipy.interpolate import CubicSpline  # half a second to import
@@ -332,8 +337,9 @@ def harmonic_shares(
 
 def _azimuthal(field: Turbulence, radii: Array, decay: float, harmonics: int) -> Array:
     """Fourier coefficients (M + 1, R, R) over the azimuth of the coherence at one decay [1/m]."""
-    # Half a length of decay between neighbours on the outermost ring, and the highest harmonic well below what folds.
-    wanted = max(32 * (harmonics + 1), 2.0 * decay * 2.0 * np.pi * radii.max())
+    # Eight points a length of decay on the outermost ring, and many a wave of the highest harmonic: the coherence has
+    # a cusp at zero distance, whose harmonics fall off slowly (Kaimal's as m^-2) and fold. That adds a thousandth.
+    wanted = max(64 * (harmonics + 1), 8.0 * decay * 2.0 * np.pi * radii.max())
     points = 2 ** math.ceil(math.log2(wanted))
     across = np.sin(np.linspace(0.0, 0.5 * np.pi, points // 2 + 1)) ** 2
     one, other = np.triu_indices(len(radii))

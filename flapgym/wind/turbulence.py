@@ -1,8 +1,8 @@
 """Kinds of turbulence over the rotor's disk: the spectrum at a point, and the coherence of two points across the wind.
 
 The component along the shaft, frozen along the mean wind, homogeneous over the disk. A kind's coherence at a distance d
-depends on frequency through a decay alone, coherence(c d) with c(f) in 1/m. An environment takes one as a mapping of
-plain values in SI units, `{"kind": "kaimal", "turbulence_class": "B"}`, or as an object with the methods of `Turbulence`.
+depends on frequency through a decay alone, coherence(c d) with c(f) in 1/m. It comes as a mapping of SI values,
+`{"kind": "kaimal", "turbulence_class": "B"}`, or an object with the methods of `Turbulence`.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ from flapgym.wind.iec import (
 from flapgym.wind.spectrum import von_karman_spectrum
 
 Intensity = OrNone(Quantity("fraction", at_least=0.0, below=1.0))
+Length = OrNone(
+    Quantity("length", at_least=1.0, at_most=1e4)
+)  # its square roots would fill the memory beyond
 LARGE_SCALES = 0.12
 """What the coherence of both models still decays with at zero frequency, in 1 / L (IEC 61400-1, annex B)."""
 KAIMAL_DECAY = 12.0
@@ -38,6 +41,10 @@ class Turbulence(Protocol):
     """A turbulence over the disk; `kind` is its name in a mapping and in what is saved."""
 
     kind: ClassVar[str]
+
+    def __hash__(self) -> int:
+        """What is prepared for a turbulence is kept by it, so it does not change."""
+        ...
 
     def on_turbine(
         self, turbulence_intensity: float | None, length_scale: float | None, hub_height: float | None
@@ -54,7 +61,7 @@ class Turbulence(Protocol):
         ...
 
     def decay(self, frequency: Array, mean: float) -> Array:
-        """c [1/m] at frequencies [Hz], rising: two points d apart are coherent to `coherence(c d)`."""
+        """The c [1/m] of `coherence(c d)` at frequencies [Hz], d the distance of two points; it rises."""
         ...
 
     def coherence(self, separation: Array) -> Array:
@@ -76,7 +83,7 @@ class VonKarman:
 
     kind: ClassVar[str] = "von_karman"
     turbulence_intensity: Annotated[float | None, Intensity] = None
-    length_scale: Annotated[float | None, OrNone(Quantity("length", above=0.0))] = None
+    length_scale: Annotated[float | None, Length] = None
 
     def __post_init__(self) -> None:
         check_fields(self, "field")
@@ -102,7 +109,7 @@ class VonKarman:
         return half / (0.5 * mean) ** 2
 
     def decay(self, frequency: Array, mean: float) -> Array:
-        """c [1/m] = 2 pi sqrt((f/U)^2 + (0.12/L)^2)."""
+        """The decay c = 2 pi sqrt((f/U)^2 + (0.12/L)^2) [1/m]."""
         length = _known(self.length_scale, "length_scale")
         return 2.0 * np.pi * np.hypot(frequency / mean, LARGE_SCALES / length)
 
@@ -113,16 +120,19 @@ class VonKarman:
         goes ahead here comes back beside it.
         """
         e = np.asarray(separation, dtype=np.float64)
+        coherence = np.zeros(e.shape)
+        near = e < 40.0  # beyond, it is 1e-16; the Bessel functions take long
         # K is infinite at zero, where the whole tends to 1 as 1 - 3.4 e^(5/3): below 1e-12 that is 1 to the last digit.
-        half = 0.5 * np.maximum(e, 1e-12)
+        half = 0.5 * np.maximum(e[near], 1e-12)
         fifth, first = scipy.special.kv(5.0 / 6.0, 2.0 * half), scipy.special.kv(1.0 / 6.0, 2.0 * half)
         sides = half ** (5.0 / 6.0) * fifth - half ** (11.0 / 6.0) * first
-        return np.asarray(2.0 / scipy.special.gamma(5.0 / 6.0) * sides)
+        coherence[near] = 2.0 / scipy.special.gamma(5.0 / 6.0) * sides
+        return coherence
 
 
 @dataclass(frozen=True)
 class Kaimal:
-    """The standard's Kaimal spectrum with exponential coherence (IEC 61400-1:2005, annex B.2), as strong as its models say.
+    """The Kaimal spectrum with exponential coherence of IEC 61400-1:2005, annex B.2, as strong as it says.
 
     Parameters
     ----------
@@ -170,7 +180,7 @@ class Kaimal:
         return np.asarray(4.0 * time_scale / (1.0 + 6.0 * frequency * time_scale) ** (5.0 / 3.0))
 
     def decay(self, frequency: Array, mean: float) -> Array:
-        """c [1/m] = 12 sqrt((f/U)^2 + (0.12/L)^2)."""
+        """The decay c = 12 sqrt((f/U)^2 + (0.12/L)^2) [1/m]."""
         return KAIMAL_DECAY * np.hypot(frequency / mean, LARGE_SCALES / self._length())
 
     def coherence(self, separation: Array) -> Array:

@@ -101,15 +101,15 @@ class DiskTurbulence:
         spectrum[:, :frequencies] = coefficients[..., 0]
         spectrum[:, 0] += coefficients[:, 0, :, 1]
         spectrum[:, -1:-frequencies:-1] = coefficients[:, 1:, :, 1]
-        spectrum *= deviation
-        # The zeroth harmonic is real: the real part of a complex series, which has half its variance.
-        spectrum[0] *= math.sqrt(2.0)
-        samples = ifft(spectrum, axis=1, norm="forward", overwrite_x=True)
-        samples[0].imag = 0.0
+        series = ifft(spectrum, axis=1, norm="forward", overwrite_x=True)
         # The first weight belongs to a sample before the first step; the series is periodic.
         blocks = -(-self.steps // self.coarse)
         needed = np.arange(1 - TAPS // 2, blocks + TAPS // 2) % self.points
-        return DiskWind(self.radii, self.steps, np.take(samples, needed, axis=1), self.weights)
+        samples = np.take(series, needed, axis=1)
+        samples *= deviation
+        # The zeroth harmonic is real: the real part of a complex series, which has half its variance.
+        samples[0] = math.sqrt(2.0) * samples[0].real
+        return DiskWind(self.radii, self.steps, samples, self.weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +251,8 @@ def _prepare(
     frequencies = np.arange(min(math.floor(highest * period), (points - 1) // 2) + 1) / period
     harmonics = needed_harmonics(field, radii[-1], wind_speed, rotor_speed, highest)
     # Averages about each frequency, so that no variance is lost or won: at zero Kaimal's spectrum has a corner, where
-    # its value alone would count for more than is below it. In turn a covariance at a lag t is less by sinc(t / period).
+    # its value alone would count for more than is below it. In turn a covariance at a lag t is sinc(t / period) times
+    # what it should be.
     about = np.abs(frequencies[:, None] + ((np.arange(WITHIN) + 0.5) / WITHIN - 0.5) / period)
     shares = harmonic_shares(field, radii, wind_speed, about.ravel(), harmonics)
     shares = shares.reshape(harmonics + 1, *about.shape, *shares.shape[2:])

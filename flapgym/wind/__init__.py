@@ -1,6 +1,6 @@
 """The wind along the shaft: von Karman turbulence and its filter (paper section III), gusts, fields over the disk."""
 
-from flapgym.wind.disk import disk_turbulence
+from flapgym.wind.field import disk_turbulence
 from flapgym.wind.gusts import Gust, gust_of
 from flapgym.wind.realisation import realise
 from flapgym.wind.shaping_filter import von_karman_filter

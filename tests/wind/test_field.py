@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import csd
 from scipy.special import gamma, jv, kv
 
-from flapgym.wind.disk import disk_turbulence, harmonic_shares, needed_harmonics
+from flapgym.wind.field import disk_turbulence, harmonic_shares, needed_harmonics
 from flapgym.wind.spectrum import von_karman_spectrum
 from flapgym.wind.turbulence import Kaimal, VonKarman
 

@@ -24,8 +24,10 @@ SLOPES = (3.0, 4.0, 5.0, 8.0, 10.0, 12.0)
 """Of the S-N curve: 3 to 5 as of welded steel, 8 to 12 as of composites."""
 
 UNITS = {
-    r"rbm(_\w+)?|\w*moment(_\d+)?|tower_base_\w+|\w*torque": "N m",
-    r"(tip_)?deflection(_\d+)?": "m",
+    r"rbm(_\w+)?|\w*moment(_\d+)?|tower_base_\w+|\w*torque|root_torsion": "N m",
+    r"\w*thrust": "N",
+    r"(tip_)?deflection(_\d+)?|tip_in_plane": "m",
+    r"\w*acceleration_\w+": "m/s^2",
 }
 """Of a channel, by what its name matches."""
 

@@ -199,7 +199,7 @@ class PeriodicPlant:
         """Hold actions (n, blades F), finite fractions of the acceleration limits, for k plant steps."""
         p, k = self._parameters, self.stepping.steps_per_action
         command: Array = np.clip(np.asarray(actions, dtype=float), -1.0, 1.0).T * p.acceleration[:, None]
-        motion, _, stopped = move(p, self._flaps, command)
+        motion, _, _, stopped = move(p, self._flaps, command)
         # A turbine whose episode is over stays at its last wind.
         at = np.minimum(self.elapsed[:, None] * k + np.arange(1, k + 1), self._wind.shape[1] - 1)
         wind = np.take_along_axis(self._wind, at, axis=1)

@@ -1,21 +1,26 @@
-"""The wind along the shaft: turbulence and its filter, gusts, recordings, steady inflow, boxes from files."""
+"""The wind along the shaft: turbulence and its filter, gusts, recordings; fields and steady inflow over the disk, boxes."""
 
 from flapgym.wind.box import WindBox, mann_box
 from flapgym.wind.box_files import read_mann, read_netcdf, read_turbsim
 from flapgym.wind.disk import Disk
+from flapgym.wind.field import disk_turbulence
 from flapgym.wind.gusts import Gust, gust_components, gust_of
 from flapgym.wind.inflow import Inflow
 from flapgym.wind.realisation import realise
 from flapgym.wind.shaping_filter import von_karman_filter
 from flapgym.wind.spectrum import von_karman_spectrum
+from flapgym.wind.turbulence import Kaimal, VonKarman, turbulence_of
 from flapgym.wind.wind import Wind
 
 __all__ = [
     "Disk",
     "Gust",
     "Inflow",
+    "Kaimal",
+    "VonKarman",
     "Wind",
     "WindBox",
+    "disk_turbulence",
     "gust_components",
     "gust_of",
     "mann_box",
@@ -23,6 +28,7 @@ __all__ = [
     "read_netcdf",
     "read_turbsim",
     "realise",
+    "turbulence_of",
     "von_karman_filter",
     "von_karman_spectrum",
 ]

@@ -17,6 +17,7 @@ import numpy as np
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Choice, FilePath, Kind, OrNone, Quantity, check_fields
 from flapgym.core.wording import number
+from flapgym.wind.iec import REFERENCE_INTENSITIES, REFERENCE_SPEEDS, normal_turbulence, turbulence_scale
 from flapgym.wind.recording import WindSeries, read_wind
 
 EXTREME_GUST_DURATION = 10.5
@@ -31,11 +32,6 @@ EXTREME_SHEAR_DURATION = 12.0
 """T of the extreme wind shear [s] (6.3.2.6)."""
 EXTREME_SHEAR_FACTOR = 6.4
 """beta of the extreme wind shear."""
-REFERENCE_SPEEDS = {"I": 50.0, "II": 42.5, "III": 37.5}
-"""V_ref of the turbine classes [m/s] (IEC 61400-1:2005, Table 1)."""
-REFERENCE_INTENSITIES = {"A": 0.16, "B": 0.14, "C": 0.12}
-"""I_ref of the turbulence classes (the same table)."""
-
 ROUNDING = 1e-9
 """Time [s] by which a recording may end early."""
 STRONGEST = 100.0
@@ -199,7 +195,7 @@ class ExtremeOperatingGust:
         """
         yearly = 0.8 * 1.4 * REFERENCE_SPEEDS[self.turbine_class]
         slowed = 1.0 + 0.1 * _diameters(self)
-        return min(1.35 * (yearly - mean), 3.3 * _deviation(self.turbulence_class, mean) / slowed)
+        return min(1.35 * (yearly - mean), 3.3 * normal_turbulence(self.turbulence_class, mean) / slowed)
 
     def wind(self, time: Array, mean: float) -> Array:
         """Perturbation [m/s] at times [s]."""
@@ -251,7 +247,7 @@ class ExtremeDirectionChange:
         ValueError
             If it knows neither rotor diameter nor hub height.
         """
-        slope = _deviation(self.turbulence_class, mean) / (mean * (1.0 + 0.1 * _diameters(self)))
+        slope = normal_turbulence(self.turbulence_class, mean) / (mean * (1.0 + 0.1 * _diameters(self)))
         return min(4.0 * math.atan(slope), math.pi)
 
     def direction(self, time: Array, mean: float) -> Array:
@@ -347,7 +343,7 @@ class ExtremeWindShear:
         """
         diameters = _diameters(self)
         assert self.rotor_diameter is not None
-        deviation = _deviation(self.turbulence_class, mean)
+        deviation = normal_turbulence(self.turbulence_class, mean)
         size = 2.5 + 0.2 * EXTREME_SHEAR_FACTOR * deviation * diameters**0.25
         part = np.clip((time - self.start) / EXTREME_SHEAR_DURATION, 0.0, 1.0)
         return size / self.rotor_diameter * (1.0 - np.cos(2.0 * np.pi * part))
@@ -380,16 +376,11 @@ def _sized(gust: _Sized, rotor_diameter: float | None, hub_height: float | None)
 
 
 def _diameters(gust: ExtremeOperatingGust | ExtremeDirectionChange | ExtremeWindShear) -> float:
-    """D / Lambda_1: rotor diameter over the turbulence scale, 0.7 times the hub height up to 60 m, 42 m above."""
+    """D / Lambda_1: rotor diameter over the turbulence scale."""
     if gust.rotor_diameter is None or gust.hub_height is None:
         missing = "rotor_diameter" if gust.rotor_diameter is None else "hub_height"
         raise ValueError(f"gust.{missing}: the model's case does not tell it; give it in m")
-    return gust.rotor_diameter / (0.7 * min(gust.hub_height, 60.0))
-
-
-def _deviation(turbulence_class: str, mean: float) -> float:
-    """sigma_1 of the normal turbulence model [m/s] (IEC 61400-1:2005, 6.3.1.3)."""
-    return REFERENCE_INTENSITIES[turbulence_class] * (0.75 * mean + 5.6)
+    return gust.rotor_diameter / turbulence_scale(gust.hub_height)
 
 
 def _rise(since: Array, duration: float) -> Array:

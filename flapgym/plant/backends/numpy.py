@@ -31,7 +31,7 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     p, n = parameters, len(state.elapsed)
     azimuth = episode.azimuth + p.turn * p.steps * state.elapsed
     command: Array = np.clip(np.asarray(actions, dtype=float), -1.0, 1.0).T * p.acceleration[:, None]
-    motion, jumps, stopped = move(p, state.flaps, command)
+    motion, gained, jumps, stopped = move(p, state.flaps, command)
     transform = _to_blades(azimuth, p.blades)
     given = _components(p, _acting(p, state.flaps, command), transform)
     met = np.flatnonzero(stopped.any(axis=0))
@@ -39,8 +39,7 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
         given[met, : p.commanded] = 0.0
     modes, rows = _superposed(p, state.modes, given)
     if met.size:
-        gained = motion[1:, 1][..., met] - motion[:-1, 1][..., met]
-        stepwise = _components(p, np.concatenate([gained, jumps[..., met]]), transform[met])
+        stepwise = _components(p, np.concatenate([gained, jumps])[..., met], transform[met])
         modes[met] += stepwise @ p.push[p.free :]
         rows[met] += stepwise @ p.feed[p.free :]
     at = np.minimum(state.elapsed, p.intervals - 1)
@@ -64,7 +63,7 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     return State(elapsed, flaps, modes), loads
 
 
-def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, Array, BoolArray]:
+def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, Array, Array, BoolArray]:
     """Motion of the flaps over an interval.
 
     Parameters
@@ -79,8 +78,8 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
     -------
     motion : (k + 1, 2, blades F, n) float
         Angle and rate at samples 0 to k.
-    jumps : (k, blades F, n) float
-        Of the angle in steps 1 to k (`flapgym.plant.actuator.flap_step`).
+    gained, jumps : (k, blades F, n) float
+        Of rate and angle in steps 1 to k (`flapgym.plant.actuator.flap_step`), of turbines with a flap near its stop.
     stopped : (blades F, n) bool
         Flaps that met a stop.
     """
@@ -92,23 +91,23 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
     )
     limits = np.array([p.angle_limit, p.rate_limit])[:, :, None]
     stopped: BoolArray = np.any(np.abs(motion) > limits * (1.0 - TOUCH), axis=(0, 1))
-    jumps = np.zeros((p.steps, *command.shape))
-    flap, turbine = np.nonzero(stopped)
-    if not flap.size:
-        return motion, jumps, stopped
-    # Only those that come near a stop are marched; they may still miss it.
-    angle, rate, lagged = flaps[:3, flap, turbine]
-    held, met = command[flap, turbine], np.zeros(flap.size, dtype=bool)
-    limit = p.angle_limit[flap], p.rate_limit[flap]
-    for sample in range(p.steps):
+    gained, jumps = np.zeros((2, p.steps, *command.shape))
+    near = np.flatnonzero(stopped.any(axis=0))
+    # Only turbines with a flap near its stop are marched; it may still miss it.
+    angle, rate, lagged = flaps[:3, :, near]
+    held, met = command[:, near], np.zeros((len(command), near.size), dtype=bool)
+    for sample in range(p.steps if near.size else 0):
         acting = held + p.lag_gain * (lagged - held)
-        angle, rate, jump, now = flap_step(angle, rate, acting, p.time_step, *limit)
+        before = rate
+        angle, rate, jump, now = flap_step(
+            angle, rate, acting, p.time_step, p.angle_limit[:, None], p.rate_limit[:, None]
+        )
         lagged = held + p.lag_decay * (lagged - held)
         met |= now
-        motion[sample + 1, 0, flap, turbine], motion[sample + 1, 1, flap, turbine] = angle, rate
-        jumps[sample, flap, turbine] = jump
-    stopped[flap, turbine] = met
-    return motion, jumps, stopped
+        motion[sample + 1, 0][:, near], motion[sample + 1, 1][:, near] = angle, rate
+        gained[sample][:, near], jumps[sample][:, near] = rate - before, jump
+    stopped[:, near] = met
+    return motion, gained, jumps, stopped
 
 
 def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tuple[FloatArray, FloatArray]:

@@ -177,9 +177,9 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `"ramp"` | `size`, `duration`, `start` | a straight rise to `size` over `duration`, which stays |
     | `"sinusoid"` | `amplitude`, `frequency`, `start` | from `start` on, beginning at zero; frequency in Hz |
     | `"extreme_operating_gust"` | classes, `start` | dip, peak and dip within 10.5 s |
-    | `"extreme_direction_change"` | `turbulence_class`, `turns`, `start` | what a turn of the wind within 6 s takes off it |
+    | `"extreme_direction_change"` | `turbulence_class`, `turns`, `start` | what a turn of the wind in 6 s takes off |
     | `"extreme_coherent_gust"` | `turns`, `start` | a rise of 15 m/s and a turn within 10 s, which stay |
-    | `"extreme_wind_shear"` | `turbulence_class`, `stronger`, `start` | shear for 12 s; needs a model with winds by strip |
+    | `"extreme_wind_shear"` | `turbulence_class`, `stronger`, `start` | 12 s of shear; needs winds by strip |
     | `"recorded"` | `file`, `start` | a series from a CSV file |
 
     `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz or half that of the

@@ -1,4 +1,4 @@
-"""The wind along the shaft: turbulence and its filter, gusts, recordings; fields and steady inflow over the disk, boxes."""
+"""The wind along the shaft: turbulence, gusts and recordings; over the disk fields, steady inflow and boxes."""
 
 from flapgym.wind.box import WindBox, mann_box
 from flapgym.wind.box_files import read_mann, read_netcdf, read_turbsim

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Text, from_plain
 from flapgym.turbine import Airloads, BladeSections, Discretisation, Flap, Rotor, TowerSections
 from flapgym.wind.disk import Disk
@@ -36,6 +37,8 @@ class Nameplate:
         How the loads were read.
     disk : Disk or None
         Geometry of rotor and tower that the wind over the disk needs.
+    strip_radii : (strips,) float
+        Middle of each strip of the lattice along a blade, from the apex [m]; empty where not told.
     """
 
     turbine: str | None = None
@@ -44,6 +47,7 @@ class Nameplate:
     flap_spans: tuple[tuple[float, float], ...] = ()
     airloads: Airloads | None = None
     disk: Disk | None = field(default=None, compare=False)  # of the same rotor and tower
+    strip_radii: Array = field(default_factory=lambda: np.empty(0), compare=False)
 
     @property
     def size(self) -> str:
@@ -76,6 +80,7 @@ def nameplate(case: Mapping[str, Any]) -> Nameplate:
         flap_spans=_flap_spans(case, machine, rotor),
         airloads=_part(Airloads, case, "airloads"),
         disk=None if rotor is None or tower is None else _disk(rotor, tower),
+        strip_radii=_strip_radii(case, machine),
     )
 
 
@@ -137,20 +142,33 @@ def _name(machine: Mapping[str, Any]) -> str | None:
         return None
 
 
-def _flap_spans(
-    case: Mapping[str, Any], machine: Mapping[str, Any], rotor: Rotor | None
-) -> tuple[tuple[float, float], ...]:
-    told, grid = case.get("flap"), _part(Discretisation, case, "discretisation")
-    # One flap a blade is a section by itself, several are a list.
-    flaps = [_read(Flap, each, "flap") for each in (told if isinstance(told, list) else [told])]
-    if rotor is None or grid is None:
-        return ()
+def _lattice_edges(case: Mapping[str, Any], machine: Mapping[str, Any]) -> Array:
+    """Edges of the lattice's strips along a blade [m]; empty where not told."""
+    grid = _part(Discretisation, case, "discretisation")
+    if grid is None:
+        return np.empty(0)
     nodes = "blade_sections_12" if grid.blade_elements == 12 else "blade_sections_documented"
     sections = _part(BladeSections, machine, nodes)
     if sections is None or len(sections.radius) != grid.blade_elements + 1:
+        return np.empty(0)
+    return sections.radius[grid.first_lattice_node :]
+
+
+def _strip_radii(case: Mapping[str, Any], machine: Mapping[str, Any]) -> Array:
+    edges = _lattice_edges(case, machine)
+    return np.asarray(0.5 * (edges[1:] + edges[:-1]))
+
+
+def _flap_spans(
+    case: Mapping[str, Any], machine: Mapping[str, Any], rotor: Rotor | None
+) -> tuple[tuple[float, float], ...]:
+    told, edges = case.get("flap"), _lattice_edges(case, machine)
+    # One flap a blade is a section by itself, several are a list.
+    flaps = [_read(Flap, each, "flap") for each in (told if isinstance(told, list) else [told])]
+    if rotor is None or not edges.size:
         return ()
     # The flaps' ends are fractions of the lattice's span, which begins outside the blade's root.
-    first, last = (float(r) for r in sections.radius[[grid.first_lattice_node, -1]])
+    first, last = float(edges[0]), float(edges[-1])
     spans = [
         (first + flap.span_start * (last - first), first + flap.span_end * (last - first))
         for flap in flaps

@@ -104,40 +104,42 @@ class Disturbance:
         """Random numbers one realisation of so many intervals takes: first state, then one a sample."""
         return self.root.shape[1] + intervals * self.rows.steps + 1
 
-    def respond(self, noise: Array, intervals: int) -> tuple[Array, Array]:
-        """Outputs caused by realisations of the turbulence at the model's intensity.
+    def respond(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
+        """Outputs caused by a realisation of the turbulence at the model's intensity.
 
         Parameters
         ----------
-        noise : (n, noise_count) float
+        noise : (noise_count,) float
             Standard normal numbers.
         intervals : int
             Length of the episode.
+        azimuth : float
+            At its start, which counts for nothing: the wind is the same everywhere.
 
         Returns
         -------
-        first : (n, ny + 1) float
+        first : (ny + 1,) float
             Outputs at sample 0, blades in multi-blade coordinates, and the wind.
-        rows : (n, intervals, rows.count) float
+        rows : (intervals, rows.count) float
             Rows of every interval.
         """
-        n, start = noise.shape[0], self.root.shape[1]
+        start = self.root.shape[1]
         span = self.intervals_per_block * self.rows.steps
         blocks = -(-intervals // self.intervals_per_block)
-        state = noise[:, :start] @ self.root.T
-        white = np.zeros((n, blocks * span + 1))
-        white[:, : noise.shape[1] - start] = noise[:, start:]
+        state = self.root @ noise[:start]
+        white = np.zeros(blocks * span + 1)
+        white[: len(noise) - start] = noise[start:]
         # Copied, because products of overlapping views do not reach the fast matrix product.
-        windows = np.lib.stride_tricks.sliding_window_view(white, span + 1, axis=1)[:, ::span].copy()
-        pushes = (windows[:, :, :span] @ self.block.drive).view(complex)
-        states = np.empty((n, blocks, 2 * self.modal.order))
-        modes = np.ascontiguousarray(state).view(complex)
-        first = (modes @ self.modal.read.T).real + white[:, :1] @ self.modal.D.T
+        windows = np.lib.stride_tricks.sliding_window_view(white, span + 1)[::span].copy()
+        pushes = (windows[:, :span] @ self.block.drive).view(complex)
+        states = np.empty((blocks, 2 * self.modal.order))
+        modes = state.view(complex)
+        first = (self.modal.read @ modes).real + self.modal.D[:, 0] * white[0]
         for index in range(blocks):
-            states[:, index] = modes.view(float)
-            modes = self.block.decay * modes + pushes[:, index]
+            states[index] = modes.view(float)
+            modes = self.block.decay * modes + pushes[index]
         rows = states @ self.block.read + windows @ self.block.feed
-        return first, rows.reshape(n, blocks * self.intervals_per_block, self.rows.count)[:, :intervals]
+        return first, rows.reshape(blocks * self.intervals_per_block, self.rows.count)[:intervals]
 
 
 def wind_modes(model: TurbineModel) -> Modal:

@@ -25,6 +25,7 @@ from flapgym.plant.frame import OutputRows, input_frame
 from flapgym.plant.lifted import lift
 from flapgym.plant.modal import Modal, modal_form
 from flapgym.plant.quantities import Quantities
+from flapgym.plant.surroundings import FieldResponse, Steady, Surroundings, steady_response, strip_system
 
 PRECISIONS = ("float64", "float32")
 
@@ -192,6 +193,8 @@ class Stepping:
         "float64", or "float32" of the modes and of the response to the wind.
     pool : int
         Number of realisations of the turbulence shared by all plants of the process; 0 draws each anew.
+    surroundings : Surroundings
+        A field in the place of the homogeneous turbulence, steady inflow, gravity.
     """
 
     steps_per_action: Annotated[int, Count(at_least=1)]
@@ -204,9 +207,12 @@ class Stepping:
     single_blade: Annotated[bool, Flag()] = False
     precision: Annotated[str, Choice(PRECISIONS)] = "float64"
     pool: Annotated[int, Count(at_least=0)] = 0
+    surroundings: Surroundings = field(default_factory=Surroundings)
 
     def __post_init__(self) -> None:
         check_fields(self, "stepping")
+        if self.single_blade and self.surroundings.turns:
+            raise ValueError("surroundings: expected none with the single blade, which does not turn")
         if self.record and not (self.every_sample and self.displacements):
             raise ValueError(
                 "stepping.record: expected every_sample and displacements with it, got one without"
@@ -234,8 +240,10 @@ class Kernel:
         Flap angles and rates in components to the outputs that have rows, and the wind (on which they do nothing).
     wind : Modal
         Wind to the same, for a wind known in advance.
-    disturbance : Disturbance
+    disturbance : Disturbance or FieldResponse
         White noise to the rows.
+    steady : Steady or None
+        The response to what is steady.
     rows : OutputRows
     turn : float
         Azimuth of one step [rad].
@@ -243,7 +251,8 @@ class Kernel:
 
     flap: Modal
     wind: Modal
-    disturbance: Disturbance
+    disturbance: Disturbance | FieldResponse
+    steady: Steady | None
     rows: OutputRows
     turn: float
 
@@ -269,7 +278,7 @@ def prepare(model: TurbineModel, stepping: Stepping) -> Kernel:
         len(quantities.blade_outputs) if stepping.displacements else 1,
         len(quantities.fixed_outputs) if stepping.displacements else 0,
     )
-    return _kernel(_ByContent(model), rows, stepping.length_scale)
+    return _kernel(_ByContent(model), rows, stepping.length_scale, stepping.surroundings)
 
 
 def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Parameters:
@@ -400,15 +409,29 @@ def _disturbance_modes(content: _ByContent, length_scale: float) -> tuple[Modal,
     return disturbance_modes(content.model, length_scale)
 
 
+@lru_cache(maxsize=4)
+def _strip_modes(content: _ByContent) -> Modal:
+    return modal_form(strip_system(content.model))
+
+
 @lru_cache(maxsize=16)
-def _kernel(content: _ByContent, rows: OutputRows, length_scale: float) -> Kernel:
-    noise_modes, root = _disturbance_modes(content, length_scale)
+def _kernel(content: _ByContent, rows: OutputRows, length_scale: float, surroundings: Surroundings) -> Kernel:
     model = content.model
+    surroundings.require(model)
     turn = model.rotor_speed * model.time_step
+    flap = _wanted(_flap_modes(content), rows, model)
+    disturbance: Disturbance | FieldResponse
+    if surroundings.field is None:
+        noise_modes, root = _disturbance_modes(content, length_scale)
+        disturbance = Disturbance.of(_wanted(noise_modes, rows, model), root, rows, turn)
+    else:
+        strips = _wanted(_strip_modes(content), rows, model)
+        disturbance = FieldResponse.of(strips, rows, turn, surroundings.field, model)
     return Kernel(
-        flap=_wanted(_flap_modes(content), rows, model),
+        flap=flap,
         wind=_wanted(_wind_modes(content), rows, model),
-        disturbance=Disturbance.of(_wanted(noise_modes, rows, model), root, rows, turn),
+        disturbance=disturbance,
+        steady=steady_response(model, surroundings, flap.outputs[:-1]) if surroundings.steady else None,
         rows=rows,
         turn=turn,
     )

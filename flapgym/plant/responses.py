@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.arrays import Array, FloatArray
+from flapgym.core.arrays import Array, FloatArray, IntArray
 from flapgym.plant.disturbance import wind_response
 from flapgym.plant.parameters import Kernel, Stepping
 from flapgym.plant.start import GivenWind, Start
@@ -45,14 +45,35 @@ class Pool:
             return
         for index in np.unique(wanted[~self._known[wanted]]):
             noise = realisation_noise(int(index), self._kernel.disturbance.noise_count(self._intervals))
-            first, rows = self._kernel.disturbance.respond(noise[None], self._intervals)
-            self.first[index], self.rows[index] = first[0], rows[0]
+            azimuth = float(realisation_azimuth(index))
+            first, rows = self._kernel.disturbance.respond(noise, self._intervals, azimuth)
+            if self._kernel.steady is not None:
+                first_steady, steady = steady_rows(self._kernel, azimuth, self._intervals)
+                first, rows = first + first_steady, rows + steady
+            self.first[index], self.rows[index] = first, rows
             self._known[index] = True
 
 
 def realisation_noise(seed: int, count: int) -> Array:
     """Standard normal numbers that make the realisation of a seed."""
     return np.random.default_rng(seed).standard_normal(count)
+
+
+def realisation_azimuth(seed: IntArray | int) -> Array:
+    """Azimuth [rad] at which an episode of a pooled realisation begins, where its response depends on it.
+
+    By the golden ratio: however many there are, they are spread evenly over the turn.
+    """
+    golden = 0.5 * (np.sqrt(5.0) - 1.0)
+    return np.asarray(2.0 * np.pi * ((np.asarray(seed) * golden) % 1.0))
+
+
+def steady_rows(kernel: Kernel, azimuth: float, intervals: int) -> tuple[Array, Array]:
+    """Outputs and wind (ny + 1,) at sample 0 and rows (intervals, count) of what is steady, begun at an azimuth."""
+    assert kernel.steady is not None
+    samples = np.arange(intervals * kernel.rows.steps + 1, dtype=np.float64)
+    outputs = kernel.steady.at(azimuth + kernel.turn * samples)
+    return outputs[0], kernel.packed(outputs[1:])
 
 
 _POOLS: weakref.WeakValueDictionary[tuple[Any, ...], Pool] = weakref.WeakValueDictionary()
@@ -121,7 +142,10 @@ class Responses:
 
         One turbine after another: then a realisation is the same to the last bit, whoever else is reset with it.
         """
+        # A field knows how strong it is.
         levels = np.asarray(start.intensity) / self._reference
+        if self._stepping.surroundings.field is not None:
+            levels = np.ones(len(turbines))
         if self._pool is not None:
             if start.realisation is None or start.gust is not None:
                 raise ValueError("start: a pool of realisations takes their numbers, and no other wind")
@@ -132,12 +156,16 @@ class Responses:
         for index, (turbine, level) in enumerate(zip(turbines, levels, strict=True)):
             if level > 0.0 and start.noise is not None:
                 begin, rows = self._kernel.disturbance.respond(
-                    start.noise[index : index + 1], self._stepping.intervals
+                    start.noise[index], self._stepping.intervals, float(start.azimuth[index])
                 )
-                first[index] = begin[0] * level
-                np.multiply(rows[0], level, out=self.rows[turbine], casting="same_kind")
+                first[index] = begin * level
+                np.multiply(rows, level, out=self.rows[turbine], casting="same_kind")
             else:
                 self.rows[turbine] = 0.0
+            if self._kernel.steady is not None:
+                begin, rows = steady_rows(self._kernel, float(start.azimuth[index]), self._stepping.intervals)
+                first[index] += begin
+                self.rows[turbine] += rows.astype(self.rows.dtype)
         if start.gust is not None:
             begin_gust, gust_rows = self._gust_response(start.gust)
             first += begin_gust

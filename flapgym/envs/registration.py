@@ -117,8 +117,37 @@ def _of_the_paper(entry: Registered) -> Registered:
     return replace(entry, id=f"{entry.id}-v0", summary=summary, keywords=keywords, agents=_PAPER)
 
 
+_SITE: Mapping[str, Any] = {
+    "wind": {
+        "field": {"kind": "kaimal", "turbulence_class": "B"},
+        "inflow": {"shear_exponent": 0.2, "tower_shadow": True},
+    },
+    "gravity": True,
+}
+_AT_A_SITE = (
+    Registered(
+        "flapgym/NREL5MWField-v0",
+        "The turbine in a field of turbulence, which each blade meets for itself. It is von Karman's, with the base "
+        "case's intensity and length; a turning blade meets slow eddies again at every turn, so part of the load comes "
+        "once, twice and three times a revolution.",
+        {"model": "nrel5mw-site", "wind": {"field": {"kind": "von_karman"}}},
+    ),
+    Registered(
+        "flapgym/NREL5MWSite-v0",
+        "The turbine at a site: a field of turbulence, shear, the tower ahead of the blades, gravity. It is the one to "
+        "report on. The turbulence is the normal one of IEC 61400-1 (2005), class B, with its Kaimal spectrum and "
+        "exponential coherence; the shear exponent is 0.2. Loads are told about their steady means.",
+        {"model": "nrel5mw-site", **_SITE},
+    ),
+    Registered(
+        "flapgym/NREL5MWThreeFlaps-v0",
+        "The same site with three flaps a blade, each over 15 % of the lifting span, from 50 to 95 % of it.",
+        {"model": "nrel5mw-three-flaps", **_SITE},
+    ),
+)
 ENVIRONMENTS = (
     *(replace(entry, id=f"{entry.id}-v1") for entry in _FAMILIES),
+    *_AT_A_SITE,
     *(_of_the_paper(entry) for entry in _FAMILIES),
 )
 """Every environment of the package: version 1 on the turbine held to OpenFAST, version 0 on the paper's."""

@@ -9,20 +9,21 @@ from __future__ import annotations
 import difflib
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any
 
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array
-from flapgym.core.fields import Choice, Count, Flag, OrNone, Quantity, TupleOf, check_fields
+from flapgym.core.fields import Choice, Count, Flag, OrNone, Quantity, TupleOf, check_fields, from_plain
 from flapgym.core.wording import number, shown
 from flapgym.envs.task import Task
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
-from flapgym.plant import BACKENDS, PRECISIONS, Faults, GivenWind
+from flapgym.plant import BACKENDS, PRECISIONS, Faults, GivenWind, Surroundings
 from flapgym.turbine import BUILT_IN, load_case
-from flapgym.wind import Wind
+from flapgym.wind import Inflow, Wind, turbulence_of
 from flapgym.wind.gusts import ROUNDING, Recorded
 
 LONGEST_DELAY = 60.0
@@ -118,6 +119,7 @@ class Settings:
     model: str | os.PathLike[str] | TurbineModel = DEFAULT_MODEL
     wind_speed: Annotated[float | None, OrNone(Quantity("speed", at_least=1.0, at_most=100.0))] = None
     wind: Wind = field(default_factory=Wind)
+    gravity: Annotated[bool, Flag()] = False
     task: Task = field(default_factory=Task)
     actuators: Actuators = field(default_factory=Actuators)
     sensors: Sensors = field(default_factory=Sensors)
@@ -173,6 +175,31 @@ class Settings:
                 f'model="{target}.safetensors"'
             )
         return model
+
+    def surroundings(self, model: TurbineModel) -> Surroundings:
+        """Field and steady inflow on the turbine of a model, and gravity.
+
+        Raises
+        ------
+        ValueError
+            If the model has no inputs for them, or the single blade is asked for.
+        """
+        wind, blowing = self.wind, None
+        if wind.field is not None:
+            height = nameplate(model.case).hub_height
+            given = turbulence_of(wind.field)
+            blowing = given.on_turbine(model.turbulence_intensity, model.length_scale, height)
+        inflow = (
+            from_plain(Inflow, wind.inflow, "wind.inflow")
+            if isinstance(wind.inflow, Mapping)
+            else wind.inflow
+        )
+        found = Surroundings(blowing, inflow, self.gravity)
+        found.require(model)
+        if self.single_blade and found.turns:
+            name = "gravity" if self.gravity else "wind.field" if wind.inflow is None else "wind.inflow"
+            raise ValueError(f"{name}: expected none with single_blade=True, which does not turn")
+        return found
 
     def given_wind(self, model: TurbineModel) -> GivenWind | None:
         """Samples of the gust over an episode, and the wind before it.

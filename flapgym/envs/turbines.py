@@ -31,6 +31,7 @@ from flapgym.envs.task import CHEAP, observe, places, rewards
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import LinearPlant, Loads, Quantities, Start, Stepping, chosen_backend, make_plant
 from flapgym.plant.fingerprint import fingerprint
+from flapgym.plant.responses import realisation_azimuth
 from flapgym.reduction import output_rms
 from flapgym.wind import von_karman_filter
 
@@ -93,6 +94,7 @@ class Turbines:
             single_blade=settings.single_blade,
             precision=settings.precision,
             pool=wind.pool,
+            surroundings=settings.surroundings(self.model),
         )
         self.quantities = self.stepping.quantities(self.model)
         self.scoring = task.on(self.model, self.quantities)
@@ -226,6 +228,9 @@ class Turbines:
                 told["tower_top"][:, column] = told.pop(name)
         else:
             del told["azimuth"]
+        if self.settings.full_info and self.stepping.surroundings.steady:
+            assert isinstance(self.plant, LinearPlant)
+            told["rbm_steady"] = self.plant.steady(told["azimuth"])["rbm"]
         return told
 
     def get_state(self) -> dict[str, Any]:
@@ -366,7 +371,16 @@ class Turbines:
         angle = _option(options, "flap_angle", (n, of_angle.size), of_angle)
         rate = _option(options, "flap_rate", (n, of_rate.size), of_rate)
         azimuth = _option(options, "azimuth", (n,)) if "azimuth" in options else None
+        around = self.stepping.surroundings
+        if azimuth is not None and around.turns and self.stepping.pool:
+            raise ValueError(
+                "options.azimuth: expected none where realisations of a pool depend on it, each begins at its own"
+            )
         intensity = self.intensity
+        if "turbulence_intensity" in options and around.field is not None:
+            raise ValueError(
+                "options.turbulence_intensity: expected none beside wind.field, which has its own"
+            )
         if "turbulence_intensity" in options:
             intensity = _option(options, "turbulence_intensity", (n,))
             if intensity.min() < 0.0 or intensity.max() >= 1.0:
@@ -403,6 +417,8 @@ class Turbines:
             azimuth[row] = drawn if each["azimuth"] is None else each["azimuth"]
             if realisation is not None:
                 realisation[row] = generator.integers(pool) if seed is None else seed
+                if self.stepping.surroundings.turns:
+                    azimuth[row] = realisation_azimuth(realisation[row])
             if noise is not None:
                 source = generator if seed is None else np.random.default_rng(seed)
                 source.standard_normal(out=noise[row])

@@ -144,17 +144,17 @@ class TurbineModel:
     def hash(self) -> str:
         """SHA-256 of how the model answers: what an agent names to say which model it was made for.
 
-        Steady and dynamic responses, to a thousandth of each output's largest, with operating point, turbulence
-        and limits; with unequal blades also at a few azimuths, their imbalance as one more input. It knows no
+        Steady and dynamic responses of the outputs that every model has to flaps and homogeneous wind, to a thousandth
+        of each output's largest, with operating point, turbulence and limits: what a model has beside does not change
+        what an agent meets; with unequal blades also at a few azimuths, their imbalance as one more input. It knows no
         coordinates, so a rebuild of the same case on another machine, equal but for rounding, almost surely has
         the same hash.
         """
         settings = [getattr(self, name) for name in _HASH_SETTINGS]
         settings += [getattr(flap, name) for flap in self.flaps for name in _LIMITS]
-        if self.pitch_actuator is not None:
-            settings += [getattr(self.pitch_actuator, f.name) for f in fields(self.pitch_actuator)]
         digest = hashlib.sha256(repr(settings).encode())
-        systems = [self.turbine, self.blade]
+        alike = self.turbine.select(turbine_inputs(len(self.flaps)), TURBINE_OUTPUTS)
+        systems = [alike, self.blade]
         if self.periodic is not None:
             systems += [shaken_at(self.turbine, self.periodic, azimuth) for azimuth in _HASH_AZIMUTHS]
         for system in systems:

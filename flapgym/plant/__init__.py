@@ -18,6 +18,7 @@ from flapgym.plant.parameters import PRECISIONS, Loads, Stepping
 from flapgym.plant.periodic import PeriodicPlant
 from flapgym.plant.quantities import Quantities
 from flapgym.plant.start import GivenWind, Start
+from flapgym.plant.surroundings import Surroundings
 
 __all__ = [
     "BACKENDS",
@@ -31,6 +32,7 @@ __all__ = [
     "Quantities",
     "Start",
     "Stepping",
+    "Surroundings",
     "chosen_backend",
     "make_plant",
 ]

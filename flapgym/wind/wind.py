@@ -31,6 +31,8 @@ import numpy as np
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, Numbers, OneOrMore, OrNone, Quantity, check_fields
 from flapgym.wind.gusts import GUST, STRONGEST, DiskGust, Gust, Sinusoid, SizedGust, gust_of
+from flapgym.wind.inflow import Inflow
+from flapgym.wind.turbulence import TURBULENCE, Turbulence
 
 LARGEST_POOL = 1_000_000
 """Realisations of a pool: each takes some kilobytes from the start and half a megabyte once it has been met."""
@@ -49,6 +51,11 @@ class Wind:
         Integral length of the turbulence [m].
     gust : Gust, mapping or None
         An object, or the mapping that describes one, `{"kind": "step", "start": 2.0, "size": 1.0}`, which becomes it.
+    field : Turbulence, mapping or None
+        Turbulence that differs over the disk, `{"kind": "kaimal", "turbulence_class": "B"}`, in the place of the
+        homogeneous one. It knows its own intensity and scale, von Karman's by default those of the model.
+    inflow : Inflow, mapping or None
+        What is steady of the wind over the disk, `{"shear_exponent": 0.2, "tower_shadow": True}`.
     pool : int
         Realisations of turbulence that all episodes share; 0 for a new one at each.
     """
@@ -58,10 +65,15 @@ class Wind:
     ] = None
     length_scale: Annotated[float | None, OrNone(Quantity("length", at_least=1.0, at_most=1e5))] = None
     gust: Annotated[Gust | Mapping[str, Any] | None, OrNone(GUST)] = None
+    field: Annotated[Turbulence | Mapping[str, Any] | None, OrNone(TURBULENCE)] = None
+    inflow: Annotated[Inflow | Mapping[str, Any] | None, OrNone(Inflow)] = None
     pool: Annotated[int, Count(at_least=0, at_most=LARGEST_POOL)] = 0
 
     def __post_init__(self) -> None:
         check_fields(self, "wind")
+        for name in ("turbulence_intensity", "length_scale"):
+            if self.field is not None and getattr(self, name) is not None:
+                raise ValueError(f"wind.{name}: expected None beside a field, which has its own")
         if self.gust is not None and self.pool:
             raise ValueError(
                 f"wind.pool: expected 0 beside a gust, whose wind no pool holds, got {self.pool}"

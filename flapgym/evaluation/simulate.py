@@ -80,7 +80,9 @@ def simulate_together(
     ]
     for steps in dict.fromkeys(intervals):
         group = [index for index, interval in enumerate(intervals) if interval == steps]
-        found = _simulate_group([agents[i] for i in group], steps, model, seeds, duration, advanced, settings)
+        found = _simulate_group(
+            [agents[i] for i in group], steps, max(intervals), model, seeds, duration, advanced, settings
+        )
         records |= dict(zip(group, found, strict=True))
     return [records[index] for index in range(len(agents))]
 
@@ -117,13 +119,14 @@ class _Player:
 def _simulate_group(
     agents: Sequence[Agent],
     steps: int,
+    longest: int,
     model: TurbineModel,
     seeds: Sequence[int],
     duration: float,
     advanced: Advanced,
     settings: dict[str, Any],
 ) -> list[Record]:
-    """Records of agents of one interval between actions, so many samples."""
+    """Records of agents of one interval between actions, the longest of all being `longest`; so many samples."""
     kept = round(duration / model.time_step)
     observed = tuple(dict.fromkeys(name for agent in agents for name in agent.observe))
     environment = FlapVectorEnv(
@@ -131,8 +134,8 @@ def _simulate_group(
         model=model,
         task={"observe": observed},
         steps_per_action=steps,
-        # Whole intervals that cover the duration: agents of other intervals must not end early.
-        duration=duration + steps * model.time_step,
+        # Whole intervals that cover the duration, for all agents alike: a field that lasts longer is another one.
+        duration=duration + longest * model.time_step,
         record_samples=True,
         autoreset_mode="Disabled",  # nothing ends before its last sample
         **settings,

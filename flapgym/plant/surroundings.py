@@ -7,6 +7,7 @@ the rotor's speed (harmonic balance).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -193,17 +194,21 @@ class FieldResponse:
 
     @property
     def _run_in(self) -> int:
-        """Blocks before the episode."""
-        return -(-round(RUN_IN / self.modal.time_step) // self._span)
+        """Steps before the episode."""
+        return round(RUN_IN / self.modal.time_step)
 
     def _blocks(self, intervals: int) -> int:
-        return self._run_in + -(-intervals // self.intervals_per_block)
+        return -(-intervals // self.intervals_per_block)
 
     def _disk(self, intervals: int) -> DiskTurbulence:
-        steps = self._blocks(intervals) * self._span + 1
+        # The same numbers make another wind where it is to last longer. So lengths are few: whoever holds actions
+        # longer, and has to round its episode up to whole ones, meets the same wind.
+        steps = 2.0 ** (
+            math.ceil(4.0 * math.log2(self._run_in + self._blocks(intervals) * self._span + 1)) / 4.0
+        )
         time_step = self.modal.time_step
         return disk_turbulence(
-            self.field, self.radii, self.wind_speed, self.turn / time_step, time_step, steps
+            self.field, self.radii, self.wind_speed, self.turn / time_step, time_step, math.ceil(steps)
         )
 
     def noise_count(self, intervals: int) -> int:
@@ -229,19 +234,23 @@ class FieldResponse:
         rows : (intervals, rows.count) float
             Rows of every interval.
         """
-        span, run_in, blocks = self._span, self._run_in, self._blocks(intervals)
-        wind = self._disk(intervals).draw(noise, self.field.deviation(self.wind_speed))
-        since = np.arange(blocks * span + 1, dtype=np.float64) - run_in * span
+        span, blocks, disk = self._span, self._blocks(intervals), self._disk(intervals)
+        wind = disk.draw(noise, self.field.deviation(self.wind_speed))
+        since = np.arange(disk.steps, dtype=np.float64) - self._run_in
         strips = wind.components(azimuth + self.turn * since).reshape(len(since), -1)
+        # Whole blocks before the episode.
+        run_in = self._run_in // span
+        begin = self._run_in - run_in * span
+        strips = strips[begin : begin + (run_in + blocks) * span + 1]
         average = wind.rotor_average()
         # Windows of one block each; the last sample of one is the first of the next.
         windows = np.lib.stride_tricks.sliding_window_view(strips, span + 1, axis=0)[::span]
-        windows = windows.transpose(0, 2, 1).reshape(blocks, -1)
+        windows = windows.transpose(0, 2, 1).reshape(run_in + blocks, -1)
         inputs = strips.shape[1]
         pushes = (windows[:, : span * inputs] @ self.block.drive).view(complex)
         state = self.modal.drive @ strips[0] / (1.0 - self.modal.values)
-        states = np.empty((blocks - run_in, 2 * self.modal.order))
-        for index in range(blocks):
+        states = np.empty((blocks, 2 * self.modal.order))
+        for index in range(run_in + blocks):
             if index == run_in:
                 first = (self.modal.read @ state).real + self.modal.D @ strips[run_in * span]
             if index >= run_in:
@@ -250,9 +259,9 @@ class FieldResponse:
         rows = states @ self.block.read + windows[run_in:] @ self.block.feed
         rows = rows.reshape(-1, self.rows.count)[:intervals]
         # The wind has no modes: its rows, at the samples kept, are what they are.
-        after = average[run_in * span + 1 :][: intervals * self.rows.steps].reshape(intervals, -1)
+        after = average[self._run_in + 1 :][: intervals * self.rows.steps].reshape(intervals, -1)
         rows[:, self.rows.structural :] = after[:, self.rows.steps - self.rows.kept :]
-        first[-1] = average[run_in * span]
+        first[-1] = average[self._run_in]
         return first, rows
 
 

@@ -103,6 +103,11 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         help="folder for compare.json, .csv, .md and .png; default: %(default)s",
     )
     sub.add_argument(
+        "--environment",
+        metavar="ID",
+        help="an environment's model, wind, sensors and actuators, as flapgym/NREL5MWSite-v0, in place of --model",
+    )
+    sub.add_argument(
         "--channels",
         action="store_true",
         help="score every load channel, too, at S-N slopes from 3 to 12: a second table",
@@ -163,6 +168,7 @@ def _compare(options: argparse.Namespace) -> Work:
         seed=options.seed,
         duration=options.duration,
         channels=options.channels,
+        environment=options.environment,
     )
     folder = writable_folder(options.output, FILES)
 

@@ -262,7 +262,11 @@ ELSEWHERE = {
         "summed_damage_load",
     ),
     "tests/turbine/test_files.py": ("load_case", "load_turbine"),
+    "tests/wind/test_box.py": ("mann_box", "read_mann", "read_netcdf", "read_turbsim"),
+    "tests/wind/test_extreme_gusts.py": ("gust_components",),
+    "tests/wind/test_field.py": ("disk_turbulence",),
     "tests/wind/test_gusts.py": ("gust_of",),
+    "tests/wind/test_turbulence.py": ("turbulence_of",),
 }
 """Functions whose refusals have a test of their own."""
 CHECKED_ALREADY = {

@@ -20,8 +20,9 @@ def compare(
     output: str | os.PathLike[str] | None = None,
     progress: bool = False,
     channels: bool = False,
+    environment: str | None = None,
 ) -> Comparison:
-    """Score agents on the same realisations of the model's reference turbulence.
+    """Score agents on the same realisations of the model's reference turbulence, or of an environment's wind.
 
     Everything asked for is checked before any work; files are written at the end, each whole or not at all.
 
@@ -43,13 +44,15 @@ def compare(
         Show a bar on standard error.
     channels : bool
         Score every load channel, too, at several S-N slopes: a second table, and entries in the JSON.
+    environment : str, optional
+        Id of one of this package's turbines, such as "flapgym/NREL5MWSite-v0": its model, wind, sensors and actuators.
 
     Raises
     ------
     ValueError, FileNotFoundError
         Naming the agent, model or option at fault.
     """
-    planned = plan(agents, model, realisations, seed, duration, channels)
+    planned = plan(agents, model, realisations, seed, duration, channels, environment)
     folder = None if output is None else writable_folder(output, FILES)
     comparison = run(planned, progress)
     if folder is not None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.agent import check_fit
 from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
-from flapgym.core.fields import Count, Flag, Quantity
+from flapgym.core.fields import Choice, Count, Flag, Quantity
 from flapgym.core.progress import ProgressBar
 from flapgym.core.wording import shown
+from flapgym.envs.registration import ENVIRONMENTS
 from flapgym.envs.task import OBSERVABLES
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.channels import ChannelLoads, ChannelScore, channel_loads, joined, score_channel
@@ -100,6 +102,8 @@ class Comparison:
         Of a blade's first flap [rad].
     channels : dict of str to tuple of ChannelScore
         Every load channel at several slopes, by agent name; empty unless the plan asks for it.
+    environment : str or None
+        Id of the environment whose wind, sensors and actuators they were; None for the model's own turbulence.
     """
 
     scores: dict[str, Score]
@@ -114,6 +118,7 @@ class Comparison:
     rotor_speed: float
     flap_angle_limit: float
     channels: dict[str, tuple[ChannelScore, ...]]
+    environment: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +136,10 @@ class Plan:
         Of each [s].
     channels : bool
         Whether every load channel is scored, at several slopes.
+    environment : str or None
+        Id of an environment.
+    settings : mapping
+        Its keywords, without the model.
     """
 
     agents: tuple[Agent, ...]
@@ -138,6 +147,8 @@ class Plan:
     seeds: range
     duration: float
     channels: bool
+    environment: str | None
+    settings: Mapping[str, Any]
 
 
 def plan(
@@ -147,6 +158,7 @@ def plan(
     seed: int = SCORED_SEED,
     duration: float | None = None,
     channels: bool = False,
+    environment: str | None = None,
 ) -> Plan:
     """Read and check all that `compare` needs, before any work.
 
@@ -160,11 +172,26 @@ def plan(
     if duration is not None:
         Quantity("time", at_least=1.0, at_most=LONGEST).check(duration, "duration")
     channels = Flag().check(channels, "channels")
+    settings: dict[str, Any] = {}
+    if environment is not None:
+        settings = _settings_of(environment)
+        if model != DEFAULT_MODEL:
+            raise ValueError(
+                f"model: expected none beside an environment, which has its own, got {shown(model)}"
+            )
+        model = settings.pop("model", DEFAULT_MODEL)
     if not isinstance(model, TurbineModel):
         model = load_model(model)
     if duration is None:
         duration = PAPER_LENGTH * model.length_scale / model.wind_speed
-    return Plan(_contestants(agents, model), model, range(seed, seed + realisations), duration, channels)
+    seeds = range(seed, seed + realisations)
+    return Plan(_contestants(agents, model), model, seeds, duration, channels, environment, settings)
+
+
+def _settings_of(environment: str) -> dict[str, Any]:
+    """Keywords of a registered turbine of this package."""
+    known = {each.id: dict(each.keywords) for each in ENVIRONMENTS if not each.keywords.get("single_blade")}
+    return known[Choice(tuple(known)).check(environment, "environment")]
 
 
 def run(comparison: Plan, progress: bool = False) -> Comparison:
@@ -180,7 +207,7 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
         total=samples, disable=not progress, unit=" steps", unit_scale=True, mininterval=0.5
     ) as bar:
         for some in _batches(seeds, len(agents), duration):
-            found = simulate_together(agents, model, some, duration, bar.update)
+            found = simulate_together(agents, model, some, duration, bar.update, **comparison.settings)
             for agent, record in zip(agents, found, strict=True):
                 parts[agent.name].append(measure(record))
                 if comparison.channels:
@@ -208,6 +235,7 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
             for name, ours in by_channel.items()
             if ours
         },
+        environment=comparison.environment,
     )
 
 

@@ -76,6 +76,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "realisations": comparison.realisations,
         "seed": comparison.seed,
         "duration": comparison.duration,
+        "environment": comparison.environment,
         "agents": {
             name: asdict(score) | _growth(comparison, name) | _channels(comparison, name)
             for name, score in comparison.scores.items()
@@ -202,9 +203,10 @@ def _percent(change: Estimate) -> str:
 
 def _caption(comparison: Comparison) -> str:
     count = comparison.realisations
+    where = "" if comparison.environment is None else f"environment {comparison.environment}, "
     return (
         f"Change against open loop on the same {count} realisation{'s' if count > 1 else ''} of "
-        f"{comparison.duration:.0f} s, model {comparison.model_name} ({comparison.model_hash[:12]}), "
+        f"{comparison.duration:.0f} s, {where}model {comparison.model_name} ({comparison.model_hash[:12]}), "
         f"turbine {comparison.nameplate.size}: "
         "mean of the ratios over blades and realisations, 95 % paired bootstrap interval."
     )

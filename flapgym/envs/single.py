@@ -404,7 +404,13 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         only = _only(infos)
         if self.settings.full_info:
             return only
-        return {name: value for name, value in only.items() if not isinstance(value, np.ndarray)}
+        # A model's further outputs are not computed unless they are asked for.
+        loads = self._turbines.quantities.fixed_outputs
+        return {
+            name: value
+            for name, value in only.items()
+            if not isinstance(value, np.ndarray) and name not in loads
+        }
 
     def _show(self, info: Info) -> None:
         assert self._screen is not None

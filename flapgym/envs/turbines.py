@@ -393,7 +393,8 @@ class Turbines:
                 "azimuth": None if azimuth is None else float(azimuth[turbine]),
                 "flap_angle": angle[turbine].tolist(),
                 "flap_rate": rate[turbine].tolist(),
-                "turbulence_intensity": float(intensity[turbine]),
+                # A field knows how strong it is.
+                "turbulence_intensity": None if around.field is not None else float(intensity[turbine]),
             }
             for turbine in turbines
         ]
@@ -429,7 +430,7 @@ class Turbines:
             azimuth=azimuth,
             flap_angle=np.array([each["flap_angle"] for each in chosen]),
             flap_rate=np.array([each["flap_rate"] for each in chosen]),
-            intensity=np.array([each["turbulence_intensity"] for each in chosen]),
+            intensity=np.array([each["turbulence_intensity"] or 0.0 for each in chosen]),
             noise=noise,
             realisation=realisation,
             gust=self._gust,

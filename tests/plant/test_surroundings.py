@@ -254,3 +254,23 @@ def test_a_field_that_is_the_same_over_the_disk_does_what_the_homogeneous_wind_d
     azimuth = start.azimuth[0] + model.rotor_speed * model.time_step * np.arange(1, 201)
     for name in (*model.blade_outputs, *model.fixed_outputs):
         assert_near(flight.samples(name)[:, 0], told_of(outputs, name, azimuth), 1e-9, name)
+
+
+@pytest.mark.parametrize(
+    ("around", "name"),
+    [
+        (Surroundings(field=FIELD), r"wind\.field"),
+        (Surroundings(inflow=SHEAR), r"wind\.inflow"),
+        (Surroundings(gravity=True), "gravity"),
+    ],
+    ids=["field", "inflow", "gravity"],
+)
+def test_unequal_blades_are_refused_even_if_the_model_has_the_inputs(around, name):
+    unequal = replace(site_model(), periodic=load_model("nrel5mw-corrected-heavy-blade").periodic)
+    with pytest.raises(ValueError, match=f"^{name}: expected a model of equal blades, got nrel5mw-site$"):
+        around.require(unequal)
+
+
+def test_a_single_blade_is_refused_as_it_does_not_turn():
+    with pytest.raises(ValueError, match=r"^surroundings: expected none with the single blade"):
+        field_plant(1, single_blade=True)

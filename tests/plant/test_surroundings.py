@@ -15,6 +15,7 @@ from flapgym.model import load_model
 from flapgym.model.nameplate import nameplate
 from flapgym.model.signals import strip_inputs
 from flapgym.plant import Surroundings, surroundings
+from flapgym.plant.responses import realisation_azimuth
 from flapgym.plant.surroundings import LEFT_OUT, steady_response, strip_radii
 from flapgym.wind import Inflow
 from flapgym.wind.turbulence import VonKarman
@@ -274,3 +275,24 @@ def test_unequal_blades_are_refused_even_if_the_model_has_the_inputs(around, nam
 def test_a_single_blade_is_refused_as_it_does_not_turn():
     with pytest.raises(ValueError, match=r"^surroundings: expected none with the single blade"):
         field_plant(1, single_blade=True)
+
+
+def test_an_episode_in_a_field_begins_as_lively_as_it_ends():
+    # Against the mean square of the last two seconds, within four standard errors of their difference.
+    count, seconds = 100, round(2.0 / site_model().time_step)
+    plant = plant_of(
+        count,
+        50,
+        60,
+        site_model(),
+        "numpy",
+        pool=count,
+        surroundings=Surroundings(field=FIELD),
+    )
+    start = rest(plant, realisation=np.arange(count), azimuth=realisation_azimuth(np.arange(count)))
+    flight = flown(plant, start, np.zeros((60, count, 3)))
+    for name in ("rbm", "tip_deflection", "rbm_edge", *site_model().fixed_outputs):
+        square = flight.samples(name) ** 2
+        first, last = (part.mean(axis=(0, 2)) for part in (square[:seconds], square[-seconds:]))
+        error = np.std(first - last, ddof=1) / np.sqrt(count)
+        assert abs(first.mean() - last.mean()) < 4.0 * error, name

@@ -41,7 +41,7 @@ def blade_and_rotor(model: TurbineModel) -> tuple[Array, Array, Array]:
     prepared = disk_turbulence(field, radii, model.wind_speed, model.rotor_speed, TIME_STEP, steps)
     noise = np.random.default_rng(SEED).standard_normal(prepared.noise_count)
     wind = prepared.draw(noise, field.deviation(model.wind_speed))
-    time = TIME_STEP * np.arange(steps)
+    time = np.linspace(0.0, DURATION, steps)
     return time, wind.at(model.rotor_speed * time)[:, SHOWN], wind.rotor_average()
 
 

@@ -56,8 +56,8 @@ and looks downwind. Blades 2 and 3 are 120 and 240 deg ahead of blade 1: they pa
 
 More wind and a positive flap angle on all blades raise moment, tip deflection and fore-aft displacement, and push the
 tower top to the right, by the torque on the shaft: its second entry falls. The tower top is told in the fixed frame,
-moments and tip deflections in that of their blade, across the rotor's plane. Gravity is left out, so no load comes once
-a revolution by itself.""".splitlines()
+moments and tip deflections in that of their blade, across the rotor's plane. Nothing comes once a revolution by itself
+unless it is asked for: by `gravity`, `wind.inflow` or `wind.field`, see [wind](wind.md).""".splitlines()
 
 
 def pages(folder: Path) -> dict[str, str]:

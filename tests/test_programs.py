@@ -25,6 +25,7 @@ PROGRAMS = {
     "train.policies": [str(ROOT / "configs" / "train-ppo.toml")],
     "benchmarks.aerodynamics": [],
     "benchmarks.environment": ["--seconds", "100"],
+    "benchmarks.field": ["docs"],
     "benchmarks.nonlinear": [],
     "benchmarks.predictive_solvers": [],
     "benchmarks.reduction": [],
@@ -38,6 +39,7 @@ PROGRAMS = {
 QUICK = {
     "benchmarks.architecture",
     "benchmarks.conventions",
+    "benchmarks.field",
     "benchmarks.manual",
     "benchmarks.predictive_solvers",
 }

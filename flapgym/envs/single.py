@@ -36,7 +36,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     carries a flap over 20 % of its lifting span and 10 % of its chord. The agent moves the flaps to reduce the
     flapwise root bending moments (RBM), whose cycles wear the blades out. The plant is the coupled linear model of
     tower, rotating blades and vortex-lattice aerodynamics of Ng et al., exact within the model; all loads and
-    deflections are perturbations about the steady equilibrium, positive downwind.
+    deflections are perturbations about the steady equilibrium, positive downwind. With the model `nrel5mw-site` the
+    wind may differ over the rotor's disk, and the blades may feel gravity, see Winds over the Disk.
 
     All arguments are keywords, some of them in families that are plain mappings:
 
@@ -71,7 +72,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `tip_deflection` | 3 | m | 50 | tip deflection of blades 1 to 3, downwind |
     | `azimuth` | 2 | - | 1 | cosine and sine of the azimuth of blade 1 |
     | `tower_top` | 2 | m | 10 | tower-top displacement downwind and sideways |
-    | `wind` | 1 | m/s | 50 | wind perturbation along the shaft |
+    | `wind` | 1 | m/s | 50 | wind perturbation along the shaft; in a field its mean over the disk |
 
     The default, `("rbm",)`, is what the paper measures. RBM alone says too little for a policy without memory: training
     works with `("rbm", "flap_angle", "flap_rate")`. Further outputs of a model, `[signals]` in its case, go by their
@@ -89,15 +90,16 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Starting State
 
     Stationary turbulence and the turbine's stationary response to it, drawn from their joint distribution (no run-in);
-    azimuth uniform; flaps at rest in the middle. `reset` takes these `options`:
+    azimuth uniform; flaps at rest in the middle. A field blows 20 s before the episode, from equilibrium with its
+    beginning. `reset` takes these `options`:
 
     | option | value | meaning |
     |---|---|---|
     | `realisation_seed` | whole number | seed of the turbulence: the same wind, whatever else the environment draws |
-    | `azimuth` | rad | of blade 1 |
+    | `azimuth` | rad | of blade 1; refused beside `wind.pool` where a field, steady inflow or gravity turns |
     | `flap_angle` | rad, number or 3 | within the stop |
     | `flap_rate` | rad/s, number or 3 | within the stop |
-    | `turbulence_intensity` | fraction | of this episode, below 1; 0 is still air |
+    | `turbulence_intensity` | fraction | of this episode, below 1; 0 is still air; refused beside `wind.field` |
 
     ## Episode End
 
@@ -113,7 +115,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | entry | from | meaning |
     |---|---|---|
-    | `wind_perturbation` | both | [m/s] |
+    | `wind_perturbation` | both | [m/s]; in a field the mean over the disk, without what is steady |
     | `azimuth` | both | of blade 1, 0 to 2 pi [rad] |
     | `reward_rbm`, `reward_flap_angle`, `reward_tower` | `step` | the reward's terms |
 
@@ -129,9 +131,10 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `flap_stopped` (3,) | both | whether the flap met a stop in the interval |
     | `rbm_mean_square` (3,) | `step` | over the interval [N^2 m^2] |
 
-    and a model's further outputs by their names. With `record_samples=True` a step's `samples` is a dict of arrays over
-    the plant samples: `rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3), `tower_fore_aft`, `tower_side_side`,
-    `wind` (k,).
+    and a model's further outputs by their names. Where steady inflow or gravity is given, `full_info=True` adds
+    `rbm_steady` (3,), their part of `rbm` [N m], for one turbine and for many. With `record_samples=True` a step's
+    `samples` is a dict of arrays over the plant samples: `rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3),
+    `tower_fore_aft`, `tower_side_side`, `wind` (k,).
 
     ## Arguments
 
@@ -146,6 +149,9 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `wind.turbulence_intensity` | the model's, 0.10 | rms over mean wind; `FlapVectorEnv` takes one each |
     | `wind.length_scale` | the model's, 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
     | `wind.gust` | `None` | a wind beside the turbulence, see below |
+    | `wind.field` | `None` | turbulence that differs over the disk, in place of the homogeneous one, see below |
+    | `wind.inflow` | `None` | shear, yaw error, upflow, the tower ahead of the blades, see below |
+    | `gravity` | `False` | whether the blades feel their weight |
     | `wind.pool` | 0 | draw from realisations 0 to this - 1, shared in the process; 0, as a gust needs: none |
     | `task.observe` | `("rbm",)` | what is observed, see above |
     | `task.flap_angle_weight`, `task.tower_weight` | 0.0 | of the reward, to 1e6 |
@@ -165,6 +171,34 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `actuators.stuck` and `actuators.effectiveness` have one entry a blade, for all its flaps, or one a flap.
 
+    ## Winds over the Disk
+
+    `wind.field`, `wind.inflow` and `gravity` need a model with those inputs, such as `nrel5mw-site`, and a rotor that
+    turns: `single_blade=True` is refused. What is steady depends on the azimuth alone, and loads are told about their
+    means over a revolution under it. `wind.field` is a mapping of its `kind` and entries in SI units, or an object of
+    `flapgym.wind.VonKarman` or `Kaimal`. It takes the place of `wind.turbulence_intensity` and `wind.length_scale`,
+    which are refused beside it.
+
+    | `kind` | further entries | turbulence |
+    |---|---|---|
+    | `"von_karman"` | `turbulence_intensity`, `length_scale` | isotropic; by default the model's intensity and length |
+    | `"kaimal"` | `turbulence`, classes, `turbulence_intensity`, `hub_height` | of IEC 61400-1 (2005), annex B.2 |
+
+    Kaimal's `turbulence` is `"NTM"` (normal, the default) or `"ETM"` (extreme). `turbulence_class` is `"A"` to `"C"`,
+    by default `"A"`; `turbine_class`, `"I"` to `"III"`, by default `"I"`, counts in the extreme one alone. A
+    `turbulence_intensity` takes the place of what the standard says. `hub_height` [m], by default the turbine's, sets
+    the scale.
+
+    `wind.inflow` is a mapping of these entries, or an object of `flapgym.wind.Inflow`:
+
+    | entry | default | meaning |
+    |---|---|---|
+    | `shear_exponent` | 0.0 | of the power law, -1 to 1; 0.2 in the standard's normal profile |
+    | `roughness_length` | `None` | of the logarithmic law in its place [m], to 10 |
+    | `yaw_error` | 0.0 | [rad], below 60 deg; positive where the wind blows to the left of one who looks downwind |
+    | `upflow` | 0.0 | inclination of the wind upwards [rad], below 60 deg |
+    | `tower_shadow` | `False` | whether the blades feel the tower's dam ahead of it |
+
     ## Gusts
 
     `wind.gust` is a mapping of plain values in SI units. Its wind comes along the shaft on top of the turbulence; with
@@ -179,7 +213,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `"extreme_operating_gust"` | classes, `start` | dip, peak and dip within 10.5 s |
     | `"extreme_direction_change"` | `turbulence_class`, `turns`, `start` | what a turn of the wind in 6 s takes off |
     | `"extreme_coherent_gust"` | `turns`, `start` | a rise of 15 m/s and a turn within 10 s, which stay |
-    | `"extreme_wind_shear"` | `turbulence_class`, `stronger`, `start` | 12 s of shear; needs winds by strip |
+    | `"extreme_wind_shear"` | `turbulence_class`, `stronger`, `start` | 12 s of shear; environments refuse it so far |
     | `"recorded"` | `file`, `start` | a series from a CSV file |
 
     `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz or half that of the

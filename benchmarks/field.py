@@ -1,0 +1,133 @@
+"""The picture of docs/wind.md, what a turning blade meets of a field: `python -m benchmarks.field FOLDER`.
+
+Writes field.png: von Karman's field at the wind of the model nrel5mw-site, in time and as spectra.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flapgym.core.arrays import Array
+from flapgym.core.atomic import write_picture
+from flapgym.core.program import Parser, Work, run
+from flapgym.evaluation import writable_folder
+from flapgym.model import TurbineModel, load_model
+from flapgym.model.nameplate import nameplate
+from flapgym.wind import VonKarman, disk_turbulence
+from flapgym.wind.field import harmonic_shares
+from flapgym.wind.turbulence import Turbulence
+
+BLADE, ROTOR, PALE = "#0b5394", "#c1651c", "#b7b7b7"
+SPAN = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+"""Middle of five rings of the same width, over the rotor's radius."""
+SHOWN = 3
+"""Of the rings, that of the blade's wind."""
+DURATION, TIME_STEP = 40.0, 0.05
+SEED = 1
+HARMONICS = 40
+"""Of the spectra: those beyond add less than a thousandth below 1 Hz."""
+TEXT = 15
+
+
+def blade_and_rotor(model: TurbineModel) -> tuple[Array, Array, Array]:
+    """Time (T,) [s]; wind (T,) [m/s] about the mean, that of the blade's point and the mean over the disk."""
+    field, radii = _field(model), _radii(model)
+    steps = round(DURATION / TIME_STEP) + 1
+    prepared = disk_turbulence(field, radii, model.wind_speed, model.rotor_speed, TIME_STEP, steps)
+    noise = np.random.default_rng(SEED).standard_normal(prepared.noise_count)
+    wind = prepared.draw(noise, field.deviation(model.wind_speed))
+    time = np.linspace(0.0, DURATION, steps)
+    return time, wind.at(model.rotor_speed * time)[:, SHOWN], wind.rotor_average()
+
+
+def spectra(model: TurbineModel, frequency: Array) -> tuple[Array, Array]:
+    """One-sided spectra (F,) [m^2/s^2/Hz] of the same two at frequencies (F,) [Hz]."""
+    field, radii, speed = _field(model), _radii(model), model.wind_speed
+    turn = model.rotor_speed / (2.0 * np.pi)
+    orders = np.arange(-HARMONICS, HARMONICS + 1)
+    # A point that turns meets harmonic m about m times a turn.
+    met = np.abs(frequency - turn * orders[:, None])
+    ring = radii[SHOWN : SHOWN + 1]
+    shares = harmonic_shares(field, ring, speed, met.ravel(), HARMONICS)[..., 0, 0]
+    shares = shares.reshape(HARMONICS + 1, *met.shape)[np.abs(orders), np.arange(len(orders))]
+    weights = radii / radii.sum()  # of rings of one width
+    means = np.einsum("r,frs,s->f", weights, harmonic_shares(field, radii, speed, frequency, 1)[0], weights)
+    variance = field.deviation(speed) ** 2
+    blade = (shares * field.spectrum(met, speed)).sum(axis=0)
+    return variance * blade, variance * means * field.spectrum(frequency, speed)
+
+
+def _field(model: TurbineModel) -> Turbulence:
+    return VonKarman().on_turbine(model.turbulence_intensity, model.length_scale, None)
+
+
+def _radii(model: TurbineModel) -> Array:
+    disk = nameplate(model.case).disk
+    assert disk is not None  # of a shipped model
+    return disk.radius * SPAN
+
+
+def draw(path: Path) -> None:
+    """Write the picture."""
+    from matplotlib.figure import Figure
+
+    model = load_model("nrel5mw-site")
+    figure = Figure(figsize=(11.0, 4.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    time, blade, rotor = blade_and_rotor(model)
+    left.plot(time, blade, color=BLADE, linewidth=1.6, label=f"blade at {SPAN[SHOWN]:g} R")
+    left.plot(time, rotor, color=ROTOR, linewidth=2.6, label="mean over the disk")
+    left.axhline(0.0, color=PALE, linewidth=0.8, zorder=0)
+    left.set_xlim(0.0, DURATION)
+    left.set_xlabel("time [s]", fontsize=TEXT)
+    left.set_ylabel("wind about its mean [m/s]", fontsize=TEXT)
+    frequency = np.geomspace(0.01, 1.0, 600)
+    blade, rotor = spectra(model, frequency)
+    right.loglog(frequency, blade, color=BLADE, linewidth=2.0, label=f"blade at {SPAN[SHOWN]:g} R")
+    right.loglog(frequency, rotor, color=ROTOR, linewidth=2.6, label="mean over the disk")
+    right.set_xlim(frequency[0], frequency[-1])
+    right.set_ylim(1e-3, 2.0 * float(blade.max()))
+    turn = model.rotor_speed / (2.0 * np.pi)
+    for times in (1, 2, 3):
+        right.axvline(times * turn, color=PALE, linewidth=1.0, zorder=0)
+        right.text(
+            times * turn, 1.02, f"{times}P", transform=right.get_xaxis_transform(), ha="center", fontsize=TEXT
+        )
+    right.set_xlabel("frequency [Hz]", fontsize=TEXT)
+    right.set_ylabel(r"spectrum [m$^2$/s$^2$/Hz]", fontsize=TEXT)
+    right.legend(loc="lower left", fontsize=TEXT, frameon=False)
+    for axis in (left, right):
+        axis.tick_params(labelsize=TEXT - 1)
+        axis.spines[["top", "right"]].set_visible(False)
+    write_picture(path, figure, dpi=110)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program; returns the exit code."""
+    return run(_parser(), arguments)
+
+
+def _door(options: argparse.Namespace) -> Work:
+    folder = writable_folder(options.folder)
+
+    def work() -> int:
+        draw(folder / "field.png")
+        return 0
+
+    return work
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m benchmarks.field", description=(__doc__ or "").splitlines()[0])
+    parser.set_defaults(door=_door, program="benchmarks.field")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="for the picture, such as docs/figures")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -80,7 +80,7 @@ def index_page() -> str:
     """The list of all environments, and what can be put around them."""
     environments = [
         f"| [`{entry.id}`](environments/{page_name(entry)}) | {entry.summary.split('. ')[0].rstrip('.')}"
-        f"{'' if entry.agents == ENVIRONMENTS[0].agents else '; as the paper reads the turbine'} |"
+        f"{'' if entry.agents in ('', ENVIRONMENTS[0].agents) else '; as the paper reads the turbine'} |"
         for entry in ENVIRONMENTS
     ]
     wrappers = [f"| `{path}` | {_first_line(path)} |" for path in WRAPPERS]
@@ -167,9 +167,11 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
     text = (
         f"With flaps at rest the root moments have an rms of {still['rbm_rms'] * 1e-6:.3f} MN m and a damage "
         f"equivalent load (DEL) of {still['rbm_del'] * 1e-6:.2f} MN m: means over blades and "
-        f"{scores['realisations']} episodes of {scores['seconds']:g} s. "
-        "The shipped agents, made for the base case and unchanged, change these means by:"
+        f"{scores['realisations']} episodes of {scores['seconds']:g} s."
     )
+    if not rows:
+        return [*textwrap.wrap(f"{text} No shipped agent moves so many flaps.", 120), ""]
+    text = f"{text} The shipped agents, made for the base case and unchanged, change these means by:"
     return [
         *textwrap.wrap(text, 120),
         "",

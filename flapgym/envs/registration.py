@@ -25,7 +25,7 @@ class Registered:
     manual : str
         What its page says in place of the manual of its class, which holds for all else.
     agents : str
-        The set of shipped agents made for its turbine: a folder of `flapgym/control/agents`.
+        The set of shipped agents made for its turbine: a folder of `flapgym/control/agents`; empty if there is none.
     """
 
     id: str
@@ -143,6 +143,7 @@ _AT_A_SITE = (
         "flapgym/NREL5MWThreeFlaps-v0",
         "The same site with three flaps a blade, each over 15 % of the lifting span, from 50 to 95 % of it.",
         {"model": "nrel5mw-three-flaps", **_SITE},
+        agents="",
     ),
 )
 ENVIRONMENTS = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
@@ -78,10 +78,20 @@ def simulate_together(
     intervals = [
         max(others) if others and type(agent) is OpenLoop else agent.steps_per_action for agent in agents
     ]
+    # A field that lasts longer is another one: all agents take the length of whoever holds actions longest.
+    wind = settings.get("wind")
+    in_field = (wind.get("field") if isinstance(wind, Mapping) else getattr(wind, "field", None)) is not None
     for steps in dict.fromkeys(intervals):
         group = [index for index, interval in enumerate(intervals) if interval == steps]
         found = _simulate_group(
-            [agents[i] for i in group], steps, max(intervals), model, seeds, duration, advanced, settings
+            [agents[i] for i in group],
+            steps,
+            duration + (max(intervals) if in_field else steps) * model.time_step,
+            model,
+            seeds,
+            duration,
+            advanced,
+            settings,
         )
         records |= dict(zip(group, found, strict=True))
     return [records[index] for index in range(len(agents))]
@@ -119,14 +129,14 @@ class _Player:
 def _simulate_group(
     agents: Sequence[Agent],
     steps: int,
-    longest: int,
+    lasting: float,
     model: TurbineModel,
     seeds: Sequence[int],
     duration: float,
     advanced: Advanced,
     settings: dict[str, Any],
 ) -> list[Record]:
-    """Records of agents of one interval between actions, the longest of all being `longest`; so many samples."""
+    """Records of agents of one interval between actions, so many samples of episodes that last a little longer [s]."""
     kept = round(duration / model.time_step)
     observed = tuple(dict.fromkeys(name for agent in agents for name in agent.observe))
     environment = FlapVectorEnv(
@@ -134,8 +144,8 @@ def _simulate_group(
         model=model,
         task={"observe": observed},
         steps_per_action=steps,
-        # Whole intervals that cover the duration, for all agents alike: a field that lasts longer is another one.
-        duration=duration + longest * model.time_step,
+        # Whole intervals that cover the duration: agents of other intervals must not end early.
+        duration=lasting,
         record_samples=True,
         autoreset_mode="Disabled",  # nothing ends before its last sample
         **settings,

@@ -175,20 +175,25 @@ def field_plant(count, intervals=40, backend="numpy", field=FIELD, **stepping):
 
 
 def drawn(plant, noise):
-    """The wind over the disk (`flapgym.wind.field.DiskWind`) that a plant makes of noise, and samples run in."""
+    """Wind over the disk (`DiskWind`) that a plant makes of noise, its first sample that counts, and samples run in.
+
+    Whole blocks of steps are run in, from the first sample that counts.
+    """
     response = plant._kernel.disturbance
     disk = response._disk(plant.stepping.intervals)
-    return disk.draw(noise, FIELD.deviation(site_model().wind_speed)), response._run_in * response._span
+    begin = response._run_in % response._span
+    return disk.draw(noise, FIELD.deviation(site_model().wind_speed)), begin, response._run_in
 
 
-def field_marched(wind, run_in, azimuth):
+def field_marched(wind, begin, run_in, azimuth):
     """Outputs (T, ny) from sample 0 of the turbine whose blades meet the field, each at its own azimuth."""
     model = site_model()
     since = np.arange(wind.steps) - run_in
     turned = azimuth + model.rotor_speed * model.time_step * since
     met = np.stack([wind.at(each) for each in blade_azimuths(turned).T], axis=-1)
     strips = to_components(met, turned[:, None]).reshape(wind.steps, -1)
-    return from_equilibrium(model.turbine.select(inputs=strip_inputs(model.strips)), strips)[run_in:]
+    system = model.turbine.select(inputs=strip_inputs(model.strips))
+    return from_equilibrium(system, strips[begin:])[run_in - begin :]
 
 
 def told_of(outputs, name, azimuth):
@@ -210,8 +215,8 @@ def test_an_episode_in_a_field_is_that_of_marching_through_the_field_to_1e9(step
     first = plant.reset(np.arange(2), start).last
     flight = flown(plant, start, np.zeros((count // steps, 2, 3)))
     for turbine in range(2):
-        wind, run_in = drawn(plant, start.noise[turbine])
-        outputs = field_marched(wind, run_in, start.azimuth[turbine])[: count + 1]
+        wind, begin, run_in = drawn(plant, start.noise[turbine])
+        outputs = field_marched(wind, begin, run_in, start.azimuth[turbine])[: count + 1]
         azimuth = start.azimuth[turbine] + model.rotor_speed * model.time_step * np.arange(count + 1)
         for name in (*model.blade_outputs, *model.fixed_outputs):
             expected = told_of(outputs, name, azimuth)
@@ -249,9 +254,9 @@ def test_a_field_that_is_the_same_over_the_disk_does_what_the_homogeneous_wind_d
     plant, model = field_plant(1), site_model()
     start = start_of(plant, flap_angle=np.zeros((1, 3)), flap_rate=np.zeros((1, 3)))
     flight = flown(plant, start, np.zeros((40, 1, 3)))
-    wind, run_in = drawn(plant, start.noise[0])
-    outputs = from_equilibrium(model.turbine.select(inputs=["wind"]), wind.rotor_average()[:, None])
-    outputs = outputs[run_in + 1 : run_in + 201]
+    wind, begin, run_in = drawn(plant, start.noise[0])
+    outputs = from_equilibrium(model.turbine.select(inputs=["wind"]), wind.rotor_average()[begin:, None])
+    outputs = outputs[run_in - begin + 1 :][:200]
     azimuth = start.azimuth[0] + model.rotor_speed * model.time_step * np.arange(1, 201)
     for name in (*model.blade_outputs, *model.fixed_outputs):
         assert_near(flight.samples(name)[:, 0], told_of(outputs, name, azimuth), 1e-9, name)

@@ -77,10 +77,6 @@ class Sizes(NamedTuple):
     sine: float
 
 
-WHOLE = 14
-"""Of them are whole numbers."""
-
-
 def kept(function: Any) -> Any:
     """Compile on demand and keep the code on disk; for this process alone where no folder takes it."""
     try:

@@ -132,13 +132,9 @@ class Disturbance:
         # Copied, because products of overlapping views do not reach the fast matrix product.
         windows = np.lib.stride_tricks.sliding_window_view(white, span + 1)[::span].copy()
         pushes = (windows[:, :span] @ self.block.drive).view(complex)
-        states = np.empty((blocks, 2 * self.modal.order))
         modes = state.view(complex)
         first = (self.modal.read @ modes).real + self.modal.D[:, 0] * white[0]
-        for index in range(blocks):
-            states[index] = modes.view(float)
-            modes = self.block.decay * modes + pushes[index]
-        rows = states @ self.block.read + windows @ self.block.feed
+        rows = self.block.march(modes, pushes) @ self.block.read + windows @ self.block.feed
         return first, rows.reshape(blocks * self.intervals_per_block, self.rows.count)[:intervals]
 
 

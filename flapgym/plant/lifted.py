@@ -37,6 +37,14 @@ class Lifted:
     read: Array
     feed: Array
 
+    def march(self, modes: ComplexArray, pushes: ComplexArray) -> Array:
+        """Modes at the start of every interval (T, 2 m), from those of the first (m,) and what each adds (T, m)."""
+        starts = np.empty((len(pushes), 2 * len(modes)))
+        for start, push in zip(starts, pushes, strict=True):
+            start[:] = modes.view(float)
+            modes = self.decay * modes + push
+        return starts
+
 
 def lift(modal: Modal, steps: int, rows: Array, inputs: Array | None = None) -> Lifted:
     """Lift a modal system over `steps` steps.

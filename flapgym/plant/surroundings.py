@@ -251,14 +251,9 @@ class FieldResponse:
         windows = windows.transpose(0, 2, 1).reshape(run_in + blocks, -1)
         inputs = strips.shape[1]
         pushes = (windows[:, : span * inputs] @ self.block.drive).view(complex)
-        state = self.modal.drive @ strips[0] / (1.0 - self.modal.values)
-        states = np.empty((blocks, 2 * self.modal.order))
-        for index in range(run_in + blocks):
-            if index == run_in:
-                first = (self.modal.read @ state).real + self.modal.D @ strips[run_in * span]
-            if index >= run_in:
-                states[index - run_in] = state.view(float)
-            state = self.block.decay * state + pushes[index]
+        equilibrium = self.modal.drive @ strips[0] / (1.0 - self.modal.values)
+        states = self.block.march(equilibrium, pushes)[run_in:]
+        first = (self.modal.read @ states[0].view(complex)).real + self.modal.D @ strips[run_in * span]
         rows = states @ self.block.read + windows[run_in:] @ self.block.feed
         rows = rows.reshape(-1, self.rows.count)[:intervals]
         # The wind has no modes: its rows, at the samples kept, are what they are.

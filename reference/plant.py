@@ -15,6 +15,7 @@ from flapgym.core.arrays import BLADES, Array
 from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import ModelFlap, TurbineModel
 from flapgym.plant.actuator import TOUCH
+from flapgym.turbine import Pitch
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +28,15 @@ class Run:
         What the model tells, by name: (T + 1, 3) of a quantity of the blades, (T + 1, 1) in the fixed frame.
     flap_angle, flap_rate : (T + 1, 3 F) float
         Flap by flap on each blade [rad, rad/s].
+    pitch_angle, pitch_rate : (T + 1, 3) float
+        [rad, rad/s]
     """
 
     outputs: Mapping[str, Array]
     flap_angle: Array
     flap_rate: Array
+    pitch_angle: Array
+    pitch_rate: Array
 
 
 def run(
@@ -44,6 +49,7 @@ def run(
     flap_rate: Array | None = None,
     effectiveness: Array | float = 1.0,
     lag: float = 0.0,
+    pitch: Array | None = None,
 ) -> Run:
     """Simulate T steps under flap accelerations (T, 3 F) [rad/s^2] and wind (T + 1,) [m/s].
 
@@ -61,6 +67,8 @@ def run(
         Factor on what each flap does to the air.
     lag : float
         Time constant [s] of the acceleration behind its command; it acts from zero.
+    pitch : (T, 3) float, optional
+        Demanded pitch of each blade [rad], which starts at zero.
     """
     system, dt, steps = model.turbine, model.time_step, acceleration.shape[0]
     flaps = model.flaps * BLADES
@@ -70,6 +78,7 @@ def run(
     lagged = np.zeros(len(flaps))
     outputs = np.empty((steps + 1, len(system.outputs)))
     angles, rates = np.empty((steps + 1, len(flaps))), np.empty((steps + 1, len(flaps)))
+    pitched, pitches = np.zeros((3, BLADES)), np.zeros((steps + 1, 2, BLADES))
     theta = azimuth + model.rotor_speed * dt * np.arange(steps + 1)
     for n in range(steps + 1):
         angles[n], rates[n] = angle, rate
@@ -77,7 +86,22 @@ def run(
         of_flaps = [_components(effectiveness * each, theta[n]) for each in (angle, rate)]
         u[: 6 * len(model.flaps)] = np.concatenate(of_flaps)
         u[system.inputs.index("wind")] = wind[n]
+        if pitch is not None:
+            now = min(n, steps - 1)
+            assert model.pitch_actuator is not None
+            moved = [
+                _pitch_step(model.pitch_actuator, dt, *each)
+                for each in zip(*pitched[:2], pitch[now], strict=True)
+            ]
+            after = np.array(moved).T
+            acceleration_after = (after[1] - pitched[1]) / dt
+            pitches[n] = pitched[:2]
+            place = system.inputs.index("pitch_angle_0")
+            u[place : place + 9] = np.concatenate([to_components(each, theta[n]) for each in pitched])
         outputs[n] = system.C @ x + system.D @ u
+        if pitch is not None:
+            u[place + 6 : place + 9] = to_components(acceleration_after, theta[n])
+            pitched = np.array([*after, acceleration_after])
         x = system.A @ x + system.B @ u
         if n == steps:
             break
@@ -88,7 +112,7 @@ def run(
             lagged = acceleration[n] + (lagged - acceleration[n]) * math.exp(-dt / lag)
         for flap, limits in enumerate(flaps):
             angle[flap], rate[flap] = _flap_step(limits, dt, angle[flap], rate[flap], acting[flap])
-    return Run(_by_name(model, outputs, theta), angles, rates)
+    return Run(_by_name(model, outputs, theta), angles, rates, pitches[:, 0], pitches[:, 1])
 
 
 def _components(of_flaps: Array, azimuth: float) -> Array:
@@ -105,8 +129,20 @@ def _by_name(model: TurbineModel, outputs: Array, azimuth: Array) -> dict[str, A
     return of_blades | {name: outputs[:, [names.index(name)]] for name in model.fixed_outputs}
 
 
+def _pitch_step(
+    pitch: Pitch, time_step: float, angle: float, rate: float, demand: float
+) -> tuple[float, float]:
+    """One step of the actuator of second order by the implicit midpoint rule, and its stops."""
+    w = 2.0 * np.pi * pitch.natural_frequency
+    system = np.array([[0.0, 1.0], [-(w**2), -2.0 * pitch.damping * w]])
+    half = 0.5 * time_step * system
+    right = (np.eye(2) + half) @ [angle, rate] + time_step * np.array([0.0, w**2 * demand])
+    free = np.linalg.solve(np.eye(2) - half, right)
+    return _flap_step(pitch, time_step, angle, rate, float(free[1] - rate) / time_step)
+
+
 def _flap_step(
-    limits: ModelFlap, time_step: float, angle: float, rate: float, acceleration: float
+    limits: ModelFlap | Pitch, time_step: float, angle: float, rate: float, acceleration: float
 ) -> tuple[float, float]:
     """One step of a flap, in the words of the working definition."""
     reached = rate + acceleration * time_step

@@ -8,12 +8,21 @@ blade differ in what they do and in their stops.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg
 
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace
-from flapgym.model.signals import BLADE_OUTPUTS, blade_inputs, flap_names, turbine_inputs, turbine_outputs
+from flapgym.model.signals import (
+    BLADE_OUTPUTS,
+    blade_inputs,
+    flap_names,
+    pitch_inputs,
+    turbine_inputs,
+    turbine_outputs,
+)
 from flapgym.model.turbine_model import ModelFlap, TurbineModel
 from flapgym.turbine import load_case
 
@@ -125,11 +134,33 @@ def _further(c: Array, d: Array, n: int, flaps: int) -> tuple[Array, Array]:
     return np.vstack([tip_speed, tilt, hinge, yaw]), np.vstack([still, d[1:2], direct, 0.5 * d[2:3]])
 
 
+PITCH = {"angle_limit": 0.07, "rate_limit": 0.14, "natural_frequency": 0.5, "damping": 0.7}
+"""Its actuator."""
+
+
+def with_pitch(turbine: StateSpace) -> StateSpace:
+    """The turbine with pitch: angle and rate act as the flap's do, some weaker; acceleration on all there is."""
+    rng = np.random.default_rng(0)
+    angle_and_rate = np.zeros((len(turbine.inputs), 6))
+    angle_and_rate[[0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5]] = [0.8, 0.8, 0.8, 1.5, 1.5, 1.5]
+    b = np.hstack([turbine.B, turbine.B @ angle_and_rate, 1e-4 * rng.standard_normal((turbine.order, 3))])
+    d = np.hstack(
+        [turbine.D, turbine.D @ angle_and_rate, 1e4 * rng.standard_normal((len(turbine.outputs), 3))]
+    )
+    return replace(turbine, B=b, D=d, inputs=(*turbine.inputs, *pitch_inputs()))
+
+
 def synthetic_model(
-    tower_coupling: float = 1.0, flaps: int = 1, further: bool = False, strips: int = 0
+    tower_coupling: float = 1.0,
+    flaps: int = 1,
+    further: bool = False,
+    strips: int = 0,
+    pitch: bool = False,
 ) -> TurbineModel:
     """The model file's content around the synthetic turbine, at the base case's operating point."""
     turbine = synthetic_turbine(tower_coupling, flaps, further, strips)
+    if pitch:
+        turbine = with_pitch(turbine)
     wind_speed, intensity, length = 11.0, 0.10, 147.0
     frequency = np.geomspace(1e-4, 0.5 / TIME_STEP, 4000)
     time = length / wind_speed
@@ -150,5 +181,7 @@ def synthetic_model(
         ),
         rbm_rms=float(np.sqrt(np.trapezoid(gain * spectrum, frequency))),
         inputs_hash="0" * 64,
-        case=load_case("nrel5mw-rated").to_dict() | {"name": "synthetic"},
+        case=load_case("nrel5mw-rated").to_dict()
+        | {"name": "synthetic"}
+        | ({"pitch": PITCH} if pitch else {}),
     )

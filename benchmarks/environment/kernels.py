@@ -95,8 +95,8 @@ def by_plant(
     flaps = np.zeros((turbines, 3))
     start = Start(
         azimuth=rng.uniform(0.0, 2.0 * np.pi, turbines),
-        flap_angle=flaps,
-        flap_rate=flaps,
+        angle=flaps,
+        rate=flaps,
         intensity=np.full(turbines, model.turbulence_intensity),
         realisation=np.arange(turbines) % 16,
     )

@@ -52,16 +52,17 @@ def _all_real(given: NDArray[np.object_]) -> bool:
     return all(isinstance(each, Real) for each in given.flat)
 
 
-def refuse_not_finite(values: FloatArray, flaps: int) -> None:
-    """Refuse actions (blades F,) or (n, blades F) that are not finite."""
+def refuse_not_finite(values: FloatArray, *, blades: int, flaps: int) -> None:
+    """Refuse actions (blades A,) or (n, blades A) that are not finite: flaps blade by blade, then pitch."""
     finite = np.isfinite(values)
     if finite.all():
         return
     first = int(np.argmin(finite))
-    environment, flap = divmod(first, values.shape[-1])
-    blade, number = divmod(flap, flaps)
+    environment, place = divmod(first, values.shape[-1])
+    of_pitch = place - blades * flaps
+    blade, number = divmod(place, flaps) if of_pitch < 0 else (of_pitch, 0)
     raise ValueError(
         f"action: expected finite numbers in [-1, 1], got {values.ravel()[first]} for blade {blade + 1}"
-        + (f", flap {number + 1}" if flaps > 1 else "")
+        + (", pitch" if of_pitch >= 0 else f", flap {number + 1}" if flaps > 1 else "")
         + (f" of environment {environment}" if values.ndim > 1 and len(values) > 1 else "")
     )

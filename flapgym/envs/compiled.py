@@ -19,6 +19,7 @@ from flapgym.plant.backends.numba import (
     EDITION,
     OPTIONS,
     Sizes,
+    actuators,
     add_inputs,
     components,
     first_cause,
@@ -31,6 +32,7 @@ from flapgym.plant.backends.numba import (
     read_fixed,
     read_modes,
     run_kept,
+    settle,
     sizes_of,
     work_size,
 )
@@ -56,12 +58,13 @@ def sizes_in(numbers):  # type: ignore[no-untyped-def]
         int(numbers[11]),
         int(numbers[12]),
         int(numbers[13]),
-        numbers[14],
-        numbers[15],
+        int(numbers[14]),
+        int(numbers[15]),
         numbers[16],
         numbers[17],
         numbers[18],
         numbers[19],
+        numbers[20],
     )
 
 
@@ -101,7 +104,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
             if not abs(action[i]) < math.inf:
                 return False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         s = sizes_in(own)
-        count, each, k, size = s.blades * s.flaps, BLADES * s.flaps, s.steps, last_size(s)
+        count, each, k, size = actuators(s), BLADES * (s.flaps + s.pitch), s.steps, last_size(s)
         # Where things are, in the order of `CompiledTurbine`.
         above, fed = 1 + s.rows, s.given + 2 * each * k
         feed_at = (above + fed) * s.modes
@@ -110,7 +113,8 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         inputs_at = rows_at + s.rows
         responses_at = inputs_at + fed
         limits_at = len(s)
-        flaps_at = limits_at + 4 * count
+        settling_at = limits_at + 7 * count
+        flaps_at = settling_at + 2 * k
         work_at = flaps_at + 4 * count
         squares_at = work_at + work_size(s)
         told_at = squares_at + s.fixed_outputs
@@ -124,7 +128,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
             real[feed_at:modes_at].reshape((fed, s.rows)),
         )
         modes, rows, inputs = real[modes_at:rows_at], real[rows_at:inputs_at], real[inputs_at:responses_at]
-        limits, flaps, work = own[limits_at:flaps_at], own[flaps_at:work_at], own[work_at:squares_at]
+        limits, flaps, work = own[limits_at:settling_at], own[flaps_at:work_at], own[work_at:squares_at]
         fixed_square, told, scoring = (
             own[squares_at:told_at],
             own[told_at:scoring_at],
@@ -138,7 +142,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         cosine, sine = math.cos(angle), math.sin(angle)
         components(s, limits, flaps, 0, cosine, sine, inputs, s.commanded)
         components(s, limits, flaps, count, cosine, sine, inputs, s.commanded + each)
-        if s.lag_gain != 0.0:
+        if s.lags:
             components(s, limits, flaps, 2 * count, cosine, sine, inputs, each)
         square, stopped, jumped = move(s, limits, action, flaps, work)
         least, most = 0, s.given
@@ -147,6 +151,8 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
             least, most = s.commanded, s.given + k * each * (2 if jumped else 1)
             for j in range(k * (2 if jumped else 1)):
                 components(s, limits, work, (2 + j) * count, cosine, sine, inputs, s.given + j * each)
+            if s.pitch:
+                settle(s, own[settling_at:flaps_at], inputs)
         else:
             components(s, limits, work, 0, cosine, sine, inputs, 0)
         read_modes(matrix, 1, modes, rows)
@@ -172,7 +178,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         at = noise_at + min(elapsed + 1, s.intervals) * s.blades
         observe(own[entries_at:begun_at], own[at : at + s.blades], told, observation)
         reward, of_moments, of_angles, of_tower = score(
-            scoring, told, size, s.blades, square / (k * count), fixed_square
+            scoring, told, size, s.blades, square / (k * s.blades * s.flaps), fixed_square
         )
         return True, reward, of_moments, of_angles, of_tower, told[place - 1], told[place]
 
@@ -189,9 +195,9 @@ class CompiledTurbine:
     """The one turbine of a plant, in flat arrays, which are the plant's state while it is stepped here.
 
     `real`, in the precision of the modes, holds decay, read, push and feed of the parameters; modes; rows and inputs to
-    work in; the response to the episode's wind. `own`, in double precision, holds sizes, limits, flaps, numbers to
-    work in, what is told with each moment's mean square behind it, scoring, entries of the observation, actions since
-    the reset, level of the response, azimuth at the reset, and measurement noise.
+    work in; the response to the episode's wind. `own`, in double precision, holds sizes, limits, `settling`, flaps,
+    numbers to work in, what is told with each moment's mean square behind it, scoring, entries of the observation,
+    actions since the reset, level of the response, azimuth at the reset, and measurement noise.
 
     Parameters
     ----------
@@ -210,8 +216,18 @@ class CompiledTurbine:
         length = s.intervals * (s.rows + s.kept)
         self._real = np.zeros(self._responses + length, dtype=constants.dtype)
         self._real[: constants.size] = constants
-        limits = np.concatenate([p.angle_limit, p.rate_limit, p.acceleration, p.effectiveness])
-        self._flaps = slice(len(s) + limits.size, len(s) + 2 * limits.size)
+        of_each = (
+            p.angle_limit,
+            p.rate_limit,
+            p.acceleration,
+            p.effectiveness,
+            p.lag_gain,
+            p.stiffness,
+            p.damping,
+        )
+        limits = np.concatenate([*of_each, p.settling.ravel()])
+        flaps = len(s) + limits.size
+        self._flaps = slice(flaps, flaps + plant.state.flaps.size)
         told = self._flaps.stop + work_size.py_func(s) + s.fixed_outputs
         self._told = slice(told, told + plant.quantities.size + s.blades)
         head = [scoring.fore_aft, scoring.rbm_weight, scoring.angle_weight, scoring.tower_weight]
@@ -247,7 +263,7 @@ class CompiledTurbine:
 
         Parameters
         ----------
-        action : (blades F,) float
+        action : (blades A,) float
             Contiguous; clipped to +-1. If it is not finite, that is told and nothing changes.
         observation : (observed,) float32
             Filled.

@@ -145,6 +145,14 @@ _AT_A_SITE = (
         {"model": "nrel5mw-three-flaps", **_SITE},
         agents="",
     ),
+    Registered(
+        "flapgym/NREL5MWPitch-v0",
+        "The same site, and beside its flap each blade pitches by itself. Six actions: accelerations of the flaps of "
+        "blades 1 to 3, then pitch demanded of them, from -1 to 1 for 5 deg to either side of the operating point's. "
+        "The pitch actuator is of second order with 0.5 Hz and at most 8 deg/s. The shipped agents move the flaps "
+        "alone.",
+        {"model": "nrel5mw-site", **_SITE, "pitch": True},
+    ),
 )
 ENVIRONMENTS = (
     *(replace(entry, id=f"{entry.id}-v1") for entry in _FAMILIES),

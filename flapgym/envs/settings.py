@@ -120,6 +120,7 @@ class Settings:
     wind_speed: Annotated[float | None, OrNone(Quantity("speed", at_least=1.0, at_most=100.0))] = None
     wind: Wind = field(default_factory=Wind)
     gravity: Annotated[bool, Flag()] = False
+    pitch: Annotated[bool, Flag()] = False
     task: Task = field(default_factory=Task)
     actuators: Actuators = field(default_factory=Actuators)
     sensors: Sensors = field(default_factory=Sensors)

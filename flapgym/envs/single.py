@@ -60,6 +60,11 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     A model may have several flaps a blade, F, each with limits of its own. Then there are 3 F actions, flap angles and
     rates: blade by blade, on each flap by flap from root to tip. With `single_blade=True` there are F.
 
+    With `pitch=True`, on a model with that input such as `nrel5mw-site`, three more actions follow those of the flaps:
+    the pitch demanded of blades 1 to 3, as a fraction of the model's stop (5 deg), about the operating point's. A
+    positive pitch turns the leading edge upwind, which lowers lift and RBM. The actuator follows its demand with second
+    order (0.5 Hz, damping 0.707) within 8 deg/s and the stop.
+
     ## Observation Space
 
     `Box` of float32, in the order of the keyword `task.observe`; values beyond the bounds are clipped.
@@ -73,6 +78,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `azimuth` | 2 | - | 1 | cosine and sine of the azimuth of blade 1 |
     | `tower_top` | 2 | m | 10 | tower-top displacement downwind and sideways |
     | `wind` | 1 | m/s | 50 | wind perturbation along the shaft; in a field its mean over the disk |
+    | `pitch_angle` | 3 | rad | angle stop, 0.0873 | with `pitch=True`: pitch from the operating point's |
+    | `pitch_rate` | 3 | rad/s | rate stop, 0.1396 | with `pitch=True`: its rate |
 
     The default, `("rbm",)`, is what the paper measures. RBM alone says too little for a policy without memory: training
     works with `("rbm", "flap_angle", "flap_rate")`. Further outputs of a model, `[signals]` in its case, go by their
@@ -99,6 +106,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `azimuth` | rad | of blade 1; refused beside `wind.pool` where a field, steady inflow or gravity turns |
     | `flap_angle` | rad, number or 3 | within the stop |
     | `flap_rate` | rad/s, number or 3 | within the stop |
+    | `pitch_angle`, `pitch_rate` | rad, rad/s, number or 3 | within the stops; with `pitch=True` |
     | `turbulence_intensity` | fraction | of this episode, below 1; 0 is still air; refused beside `wind.field` |
 
     ## Episode End
@@ -129,12 +137,13 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `flap_angle`, `flap_rate` (3,) | both | [rad], [rad/s] |
     | `flap_travel` (3,) | both | way gone since the reset [rad] |
     | `flap_stopped` (3,) | both | whether the flap met a stop in the interval |
+    | `pitch_angle`, `pitch_rate`, `pitch_travel`, `pitch_stopped` (3,) | both | the same of pitch, with `pitch=True` |
     | `rbm_mean_square` (3,) | `step` | over the interval [N^2 m^2] |
 
     and a model's further outputs by their names. Where steady inflow or gravity is given, `full_info=True` adds
     `rbm_steady` (3,), their part of `rbm` [N m], for one turbine and for many. With `record_samples=True` a step's
     `samples` is a dict of arrays over the plant samples: `rbm`, `tip_deflection`, `flap_angle`, `flap_rate` (k, 3),
-    `tower_fore_aft`, `tower_side_side`, `wind` (k,).
+    `tower_fore_aft`, `tower_side_side`, `wind` (k,); with `pitch=True` also `pitch_angle`, `pitch_rate` (k, 3).
 
     ## Arguments
 
@@ -152,6 +161,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `wind.field` | `None` | turbulence that differs over the disk, in place of the homogeneous one, see below |
     | `wind.inflow` | `None` | shear, yaw error, upflow, the tower ahead of the blades, see below |
     | `gravity` | `False` | whether the blades feel their weight |
+    | `pitch` | `False` | whether the pitch of each blade is an action, too |
     | `wind.pool` | 0 | draw from realisations 0 to this - 1, shared in the process; 0, as a gust needs: none |
     | `task.observe` | `("rbm",)` | what is observed, see above |
     | `task.flap_angle_weight`, `task.tower_weight` | 0.0 | of the reward, to 1e6 |
@@ -320,7 +330,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation[0], self._told(infos)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
-        """Hold the flap accelerations (blades F,) for `steps_per_action` plant steps."""
+        """Hold an action for `steps_per_action` plant steps: flap accelerations (blades F,), then pitch if it moves."""
         if not self._running:
             raise ResetNeeded("step: no episode is running; call reset first")
         if self._compiled is None:
@@ -339,7 +349,10 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             action, observation
         )
         if not finite:
-            refuse_not_finite(numbers(action, self._actions), self._turbines.quantities.flaps)
+            quantities = self._turbines.quantities
+            refuse_not_finite(
+                numbers(action, self._actions), blades=quantities.blades, flaps=quantities.flaps
+            )
         self._elapsed += 1
         info: Info = {
             "wind_perturbation": wind,

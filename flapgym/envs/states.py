@@ -56,12 +56,10 @@ def checked_state(
     for name in own:
         if name not in state:
             state[name] = checked_numbers(name, given[name], np.shape(own[name]), largest)
-    for row, what, limits in (
-        (0, "angles [rad]", [flap.angle_limit for flap in model.flaps]),
-        (1, "rates [rad/s]", [flap.rate_limit for flap in model.flaps]),
+    for row, what, limits in zip(
+        (0, 1), ("angles [rad]", "rates [rad/s]"), stepping.limits(model), strict=True
     ):
-        # As many blades as there are in the state, flap by flap.
-        if np.any(np.abs(state["flaps"][row].reshape(-1, len(limits))) > np.array(limits) * _ROUNDING):
+        if np.any(np.abs(state["flaps"][row]) > limits * _ROUNDING):
             raise ValueError(
                 f"flaps: expected {what} within +-{number(max(limits))}, got {shown(state['flaps'][row].tolist())}"
             )

@@ -39,6 +39,10 @@ class Observable:
     factor: float = 1.0
 
 
+def _stop_of_pitch(model: TurbineModel, name: str) -> float:
+    return float(getattr(model.pitch_actuator, name))
+
+
 OBSERVABLES: dict[str, Observable] = {
     "rbm": Observable(
         ("rbm",),
@@ -70,11 +74,25 @@ OBSERVABLES: dict[str, Observable] = {
         lambda model: 10.0,
     ),
     "wind": Observable(("wind",), "m/s", "wind perturbation along the shaft", lambda model: 50.0),
+    "pitch_angle": Observable(
+        ("pitch_angle",),
+        "rad",
+        "pitch of blades 1 to 3 from the operating point's",
+        lambda model: _stop_of_pitch(model, "angle_limit"),
+    ),
+    "pitch_rate": Observable(
+        ("pitch_rate",),
+        "rad/s",
+        "pitch rate of blades 1 to 3",
+        lambda model: _stop_of_pitch(model, "rate_limit"),
+    ),
 }
-"""What every model has to observe. Perturbations about the steady equilibrium, except flap and azimuth."""
+"""What there is to observe of any model. Perturbations about the steady equilibrium, except flap and azimuth."""
 TURBINE_ONLY = frozenset(("azimuth", "tower_top"))
 """Those a single blade does not have."""
-CHEAP = frozenset(("rbm", "flap_angle", "flap_rate", "azimuth", "wind"))
+PITCH = frozenset(("pitch_angle", "pitch_rate"))
+"""Those of a turbine whose pitch moves."""
+CHEAP = frozenset(("rbm", "flap_angle", "flap_rate", "azimuth", "wind")) | PITCH
 """Those a plant tells even where its stepping has no displacements."""
 
 
@@ -155,6 +173,8 @@ class Task:
             of_model = name in (*model.blade_outputs, *model.fixed_outputs)
             if single and (name in TURBINE_ONLY or (of_model and name not in quantities.last)):
                 raise ValueError(f"task.observe: a single blade has no {name}; leave it out")
+            if name in PITCH and not quantities.pitch:
+                raise ValueError(f"task.observe: {name} takes pitch=True; leave it out without")
             entry = observable(name, model)
             for source in entry.sources:
                 place = quantities.last[source]

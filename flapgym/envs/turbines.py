@@ -35,7 +35,9 @@ from flapgym.plant.responses import realisation_azimuth
 from flapgym.reduction import output_rms
 from flapgym.wind import von_karman_filter
 
-RESET_OPTIONS = ("realisation_seed", "azimuth", "flap_angle", "flap_rate", "turbulence_intensity")
+MOTION = ("flap_angle", "flap_rate")
+PITCH_MOTION = ("pitch_angle", "pitch_rate")
+RESET_OPTIONS = ("realisation_seed", "azimuth", *MOTION, *PITCH_MOTION, "turbulence_intensity")
 TOWER_TOP = ("tower_fore_aft", "tower_side_side")
 """Of the fixed outputs, what comes together in `info`."""
 FRACTION = "a fraction of at least 0 and below 1 (0.10 is 10 %)"
@@ -92,6 +94,7 @@ class Turbines:
             displacements=every or full_info or not CHEAP.issuperset(task.observe),
             faults=settings.actuators.faults(self.model),
             single_blade=settings.single_blade,
+            pitch=settings.pitch,
             precision=settings.precision,
             pool=wind.pool,
             surroundings=settings.surroundings(self.model),
@@ -119,7 +122,7 @@ class Turbines:
         """Names and shapes of what a turbine's state holds."""
         bound = self.scoring.bounds
         self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
-        actions = blades * self.quantities.flaps
+        actions = blades * (self.quantities.flaps + self.quantities.pitch)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), dtype=np.float32)
         self._origins: list[Origin | None] = [None] * count
 
@@ -186,12 +189,12 @@ class Turbines:
         return loads
 
     def step(self, actions: ArrayLike) -> tuple[np.ndarray, Array, BoolArray, BoolArray, Info]:
-        """Advance every turbine by one action (n, blades F).
+        """Advance every turbine by one action (n, blades A).
 
         Turbines whose episode is over are advanced too: what is returned for them has no meaning.
         """
         values = numbers(actions, (self.count, *(self.action_space.shape or ())))
-        refuse_not_finite(values, self.quantities.flaps)
+        refuse_not_finite(values, blades=self.quantities.blades, flaps=self.quantities.flaps)
         loads = self.plant.step(values)
         elapsed = self.plant.elapsed
         now = None
@@ -221,7 +224,8 @@ class Turbines:
         """SI quantities of the last sample, for n turbines; copies, because a view would keep all numbers alive."""
         told: Info = {name: last[:, place].copy() for name, place in self._told}
         told["wind_perturbation"] = told.pop("wind")
-        told["flap_stopped"] = told["flap_stopped"] != 0.0
+        for name in ("flap_stopped", "pitch_stopped")[: 1 + self.quantities.pitch]:
+            told[name] = told[name] != 0.0
         if self.quantities.blades == BLADES:
             told["tower_top"] = np.empty((len(last), len(TOWER_TOP)))
             for column, name in enumerate(TOWER_TOP):
@@ -291,7 +295,8 @@ class Turbines:
             if self._delay:
                 self._past[turbine] = episode.plant["past"]
             elapsed = episode.plant["elapsed"]
-            now: Info = {"flap_angle": episode.plant["flaps"][0]}
+            of_flaps = self.quantities.blades * self.quantities.flaps
+            now: Info = {"flap_angle": episode.plant["flaps"][0][:of_flaps]}
             if self.quantities.blades == BLADES:
                 start = loads.last[0, self.quantities.last["azimuth"].start]
                 now["azimuth"] = float(start + self.model.rotor_speed * self.action_time * elapsed)
@@ -359,17 +364,24 @@ class Turbines:
         ValueError
             If an option is unknown or impossible. Nothing has changed yet: no generator, no turbine.
         """
-        n, flaps, blades = self.count, self.model.flaps, self.quantities.blades
+        n, blades = self.count, self.quantities.blades
         options = {} if options is None else options
         if not isinstance(options, Mapping):
             raise ValueError(f"options: expected a dict of {', '.join(RESET_OPTIONS)}, got {shown(options)}")
         for name in options:
             if name not in RESET_OPTIONS:
                 raise ValueError(f"options: no {shown(name)}; known: {', '.join(RESET_OPTIONS)}")
-        of_angle = np.tile([flap.angle_limit for flap in flaps], blades)
-        of_rate = np.tile([flap.rate_limit for flap in flaps], blades)
-        angle = _option(options, "flap_angle", (n, of_angle.size), of_angle)
-        rate = _option(options, "flap_rate", (n, of_rate.size), of_rate)
+        flaps = blades * self.quantities.flaps
+        limits = self.stepping.limits(self.model)
+        moving = dict(zip(MOTION, limits[:, :flaps], strict=True))
+        if self.quantities.pitch:
+            moving |= dict(zip(PITCH_MOTION, limits[:, flaps:], strict=True))
+        for name in PITCH_MOTION:
+            if name in options and name not in moving:
+                raise ValueError(
+                    f"options.{name}: expected none without pitch=True, got {shown(options[name])}"
+                )
+        motion = {name: _option(options, name, (n, limit.size), limit) for name, limit in moving.items()}
         azimuth = _option(options, "azimuth", (n,)) if "azimuth" in options else None
         around = self.stepping.surroundings
         if azimuth is not None and around.turns and self.stepping.pool:
@@ -391,8 +403,10 @@ class Turbines:
             {
                 "realisation_seed": None if seeds is None else seeds[turbine],
                 "azimuth": None if azimuth is None else float(azimuth[turbine]),
-                "flap_angle": angle[turbine].tolist(),
-                "flap_rate": rate[turbine].tolist(),
+                **{
+                    name: motion[name][turbine].tolist() if name in motion else None
+                    for name in (*MOTION, *PITCH_MOTION)
+                },
                 # A field knows how strong it is.
                 "turbulence_intensity": None if around.field is not None else float(intensity[turbine]),
             }
@@ -428,8 +442,8 @@ class Turbines:
                 measured[row] *= level
         start = Start(
             azimuth=azimuth,
-            flap_angle=np.array([each["flap_angle"] for each in chosen]),
-            flap_rate=np.array([each["flap_rate"] for each in chosen]),
+            angle=np.array([[*each["flap_angle"], *(each["pitch_angle"] or ())] for each in chosen]),
+            rate=np.array([[*each["flap_rate"], *(each["pitch_rate"] or ())] for each in chosen]),
             intensity=np.array([each["turbulence_intensity"] or 0.0 for each in chosen]),
             noise=noise,
             realisation=realisation,
@@ -449,11 +463,9 @@ def with_blade_rms(model: TurbineModel) -> TurbineModel:
 
 def columns_told(quantities: Quantities, places: Mapping[str, slice]) -> list[tuple[str, slice | int]]:
     """Names told in `info` and their columns: several where there is a number for each blade or flap, or just one."""
-    several = {*quantities.blade_outputs, "flap_angle", "flap_rate", "flap_travel", "flap_stopped"}
+    one = {*quantities.fixed_outputs, "wind", "azimuth"}
     return [
-        (name, place if name in several else place.start)
-        for name, place in places.items()
-        if name != "heading"
+        (name, place.start if name in one else place) for name, place in places.items() if name != "heading"
     ]
 
 

@@ -74,7 +74,7 @@ class Plant(Protocol):
         ...
 
     def step(self, actions: FloatArray) -> Loads:
-        """Hold actions (n, blades F), finite fractions of the acceleration limits, for k plant steps."""
+        """Hold actions (n, blades A), finite fractions of what they command, for k plant steps."""
         ...
 
     def flap_motion(self) -> tuple[Array, Array]:

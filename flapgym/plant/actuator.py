@@ -1,6 +1,6 @@
-"""The flap actuator: a double integrator from acceleration to rate and angle between hard stops (paper section III).
+"""Actuators between hard stops: of a flap, from acceleration to rate and angle (paper section III), and of pitch.
 
-And what can be wrong with it: a lag before it, a flap that is stuck, one that carries less load or none.
+And what can be wrong with a flap's: a lag before it, a flap that is stuck, one that carries less load or none.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import OrNone, Quantity, TupleOf, check_fields
+from flapgym.turbine import Pitch
 
 TOUCH = 1e-12
 """Of the angle stop: a flap that is nearer to it, and goes on toward it, is at it. Commands at their bounds bring flaps
@@ -66,10 +67,43 @@ def _for_each(name: str, values: Any, blades: int, flaps: int) -> Array:
     return np.repeat(given, BLADES * flaps // given.size)[: blades * flaps]
 
 
+@dataclass(frozen=True)
+class Law:
+    """What accelerates an actuator: command + lag_gain (lagged - command) - stiffness angle - damping rate.
+
+    Attributes
+    ----------
+    lag_decay, lag_gain : float
+        Of a lag before it (`lag_constants`).
+    stiffness : float
+        [1 / s^2]
+    damping : float
+        [1 / s]
+    """
+
+    lag_decay: float = 0.0
+    lag_gain: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+
+def pitch_law(pitch: Pitch, time_step: float) -> Law:
+    """Of the actuator of second order that follows a demanded angle; its command is stiffness times that angle.
+
+    angle'' = w^2 (demand - angle) - 2 zeta w angle', with angle and rate those in the middle of the step. So it is
+    stable for any step, and rate and angle belong together as the stop rule has it.
+    """
+    w = 2.0 * np.pi * pitch.natural_frequency
+    implicit = 1.0 + pitch.damping * w * time_step + (0.5 * w * time_step) ** 2
+    return Law(
+        stiffness=w**2 / implicit, damping=(2.0 * pitch.damping * w + 0.5 * w**2 * time_step) / implicit
+    )
+
+
 def flap_step(
     angle: Any, rate: Any, acceleration: Any, time_step: float, angle_limit: Any, rate_limit: Any
 ) -> tuple[Any, Any, Any, Any]:
-    """The stop rule: one plant step of a flap under an acceleration. Arrays and numbers alike; compiled as it is.
+    """The stop rule: one plant step of an actuator under an acceleration. Arrays and numbers alike; compiled as it is.
 
     rate' = clip(rate + acceleration dt, +-rate_limit), angle' = angle + dt / 2 (rate + rate') clipped at
     +-angle_limit, where the stop zeroes the rate that points into it. Exact as long as no stop is met; at a stop the
@@ -120,22 +154,29 @@ def lag_constants(time_step: float, lag: float) -> tuple[float, float]:
 
 
 @lru_cache(maxsize=64)
-def free_motion(steps: int, time_step: float, decay: float, gain: float) -> Array:
+def free_motion(steps: int, time_step: float, law: Law, lags: bool) -> Array:
     """Motion without stops, (2 (k + 1), kinds): angle and rate of samples 0..k.
 
-    From the command, which is held for all k steps, where there is a lag the lagged acceleration at the start, and
-    angle and rate there. The lag is given by its `lag_constants`.
+    From the command, which is held for all k steps, lagged acceleration at the start if anything `lags`, and angle and
+    rate there.
     """
     command, lagged, angle, rate = np.eye(4)
     rows = [angle, rate]
     for _ in range(steps):
-        reached = rate + time_step * (command + gain * (lagged - command))
+        acting = command + law.lag_gain * (lagged - command) - law.stiffness * angle - law.damping * rate
+        reached = rate + time_step * acting
         angle, rate = angle + 0.5 * time_step * (rate + reached), reached
-        lagged = command + decay * (lagged - command)
+        lagged = command + law.lag_decay * (lagged - command)
         rows += [angle, rate]
-    motion = np.array(rows)[:, [0, 1, 2, 3] if gain else [0, 2, 3]]
+    motion = np.array(rows)[:, [0, 1, 2, 3] if lags else [0, 2, 3]]
     motion.setflags(write=False)  # whoever asks again gets this one
     return motion
+
+
+def rate_gained(steps: int, time_step: float, law: Law) -> Array:
+    """Rate that an actuator without a command gains in steps 1 to k, (k, 2): by angle, by rate at the start."""
+    rates = free_motion(steps, time_step, law, False)[1::2, 1:]
+    return np.asarray(rates[1:] - rates[:-1])
 
 
 def stepwise_motion(steps: int, time_step: float) -> Array:

@@ -23,10 +23,14 @@ def turned(angle: float) -> Array:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def input_frame(steps: int, turn: float, flaps: int = 1) -> Array:
-    """Native inputs (u^0, ..., u^k) from motion components in the frame of the start, (6 F (k + 1), 6 F (k + 1)).
+def input_frame(
+    steps: int, turn: float, actuators: int = 1, accelerated: int = 0, time_step: float = 1.0
+) -> Array:
+    """Native inputs (u^0, ..., u^k) from motion components in the frame of the start, (nu (k + 1), 6 A (k + 1)).
 
-    Rows and columns alike: sample by sample the angles of flaps 1..F in components 0, c, s, then their rates.
+    Rows and columns alike: sample by sample the angles of actuators 1..A of a blade in components 0, c, s, then their
+    rates; in the rows behind these the accelerations of the last few in the step that begins at the sample, and in the
+    one that ends there: nu = 3 (2 A + 2 accelerated).
 
     Parameters
     ----------
@@ -34,15 +38,27 @@ def input_frame(steps: int, turn: float, flaps: int = 1) -> Array:
         Steps k of an interval.
     turn : float
         Azimuth Omega dt [rad] of one step.
-    flaps : int
-        Flaps F a blade.
+    actuators : int
+        Actuators A on a blade.
+    accelerated : int
+        How many of them act by their acceleration, too: the last ones.
+    time_step : float
+        dt [s].
     """
-    signals = 2 * flaps
-    frame = np.zeros((steps + 1, signals, BLADES, steps + 1, signals, BLADES))
+    signals = 2 * actuators
+    frame = np.zeros((steps + 1, signals + 2 * accelerated, BLADES, steps + 1, signals, BLADES))
     for sample in range(steps + 1):
+        to_sample = turned(sample * turn)
         for signal in range(signals):
-            frame[sample, signal, :, sample, signal] = turned(sample * turn)
-    return frame.reshape(BLADES * signals * (steps + 1), -1)
+            frame[sample, signal, :, sample, signal] = to_sample
+        for which, after in ((0, sample + 1), (accelerated, sample)):
+            if not 1 <= after <= steps:
+                continue  # the first sample's outputs and what the last one drives belong to other intervals
+            for number in range(accelerated):
+                row, rate = signals + which + number, signals - accelerated + number
+                frame[sample, row, :, after, rate] = to_sample / time_step
+                frame[sample, row, :, after - 1, rate] = -to_sample / time_step
+    return frame.reshape(len(frame) * frame.shape[1] * BLADES, -1)
 
 
 @dataclass(frozen=True)

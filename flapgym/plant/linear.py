@@ -47,13 +47,15 @@ class LinearPlant:
         self._kernel, self._step = prepare(model, stepping), step
         self.parameters = parameters_of(model, stepping, self._kernel)
         self._responses = Responses(self._kernel, count, stepping, model.turbulence_intensity)
-        flaps = self.parameters.angle_limit.size
+        actuators = self.parameters.angle_limit.size
         _, stuck = stepping.faults.on(stepping.blades, len(model.flaps))
-        self._stuck = np.where(np.isnan(stuck), 0.0, stuck)
-        self._held = ~np.isnan(stuck)
+        self._held = np.zeros(actuators, dtype=bool)
+        self._stuck = np.zeros(actuators)
+        self._held[: stuck.size] = ~np.isnan(stuck)
+        self._stuck[: stuck.size] = np.where(np.isnan(stuck), 0.0, stuck)
         self.state = State(
             elapsed=np.zeros(count, dtype=np.int64),
-            flaps=np.zeros((4, flaps, count)),
+            flaps=np.zeros((4, actuators, count)),
             modes=np.zeros((count, 2 * self._kernel.flap.order), dtype=stepping.precision),
         )
         self.episode = Episode(
@@ -72,12 +74,14 @@ class LinearPlant:
         """Begin an episode of m turbines; their loads at sample 0."""
         p, kernel = self.parameters, self._kernel
         first = self._responses.draw(turbines, start)
-        angle = np.where(self._held, self._stuck, start.flap_angle)
-        rate = np.where(self._held, 0.0, start.flap_rate)
-        modes = stuck_modes(kernel.flap, self._stuck * p.effectiveness, start.azimuth, kernel.turn)
+        angle = np.where(self._held, self._stuck, start.angle)
+        rate = np.where(self._held, 0.0, start.rate)
+        stuck = (self._stuck * p.effectiveness)[: p.all_flaps].reshape(p.blades, p.flaps)
+        modes = stuck_modes(kernel.flap, stuck, start.azimuth, kernel.turn)
         first = first + (modes @ kernel.flap.read.T).real
         acting = np.stack([angle, rate]) * p.effectiveness
-        first += _first_motion(acting, start.azimuth, p.blades, p.flaps) @ kernel.direct
+        motion = _first_motion(acting, start.azimuth, p)
+        first += motion @ kernel.direct[: motion.shape[1]]  # nothing accelerates yet
         flaps = np.zeros((4, angle.shape[1], len(turbines)))
         flaps[0], flaps[1] = angle.T, rate.T
         self._place(turbines, start.azimuth, flaps, np.concatenate([modes.real, modes.imag], axis=1))
@@ -133,7 +137,7 @@ class LinearPlant:
         self._step(self.parameters, self.episode, self.state, still)
 
     def step(self, actions: FloatArray) -> Loads:
-        """Hold actions (n, blades F), finite fractions of the acceleration limits, for k plant steps."""
+        """Hold actions (n, blades A), finite fractions of what they command, for k plant steps."""
         self.state, loads = self._step(self.parameters, self.episode, self.state, actions)
         return loads
 
@@ -144,7 +148,8 @@ class LinearPlant:
 
     def flap_motion(self) -> tuple[Array, Array]:
         """Angle and rate of every flap, (n, blades F) each [rad, rad/s]."""
-        return self.state.flaps[0].T, self.state.flaps[1].T
+        angle, rate = self.state.flaps[:2, : self.parameters.all_flaps]
+        return angle.T, rate.T
 
     def get_state(self, turbine: int) -> dict[str, Any]:
         """What changes of a turbine, but for its realisation, as plain values for JSON."""
@@ -165,10 +170,13 @@ class LinearPlant:
         self.state = State(elapsed, flaps, modes)
 
 
-def _first_motion(acting: Array, azimuth: Array, blades: int, flaps: int) -> Array:
-    """Flap angles and rates (2, m, blades F) in components, (m, 6 F): angles of flaps 1..F in 0, c, s, then rates."""
-    by_flap = acting.reshape(2, -1, blades, flaps).transpose(1, 0, 3, 2)
-    if blades == BLADES:
+def _first_motion(acting: Array, azimuth: Array, parameters: Parameters) -> Array:
+    """Angles and rates (2, m, blades A) in components, (m, 6 A): angles of actuators 1..A in 0, c, s, then rates."""
+    p = parameters
+    flaps = acting[..., : p.all_flaps].reshape(2, len(azimuth), p.blades, p.flaps)
+    pitch = acting[..., p.all_flaps :].reshape(2, len(azimuth), p.blades, p.pitch)
+    by_flap = np.concatenate([flaps, pitch], axis=3).transpose(1, 0, 3, 2)
+    if p.blades == BLADES:
         components = to_components(by_flap, azimuth[:, None, None])
     else:
         components = np.pad(by_flap, ((0, 0), (0, 0), (0, 0), (0, BLADES - 1)))

@@ -2,7 +2,8 @@
 
 Superposition: the response to the flaps is stepped, that to the wind is looked up (flapgym.plant.responses). Between
 its stops a flap moves under a held acceleration, so three numbers a flap (four where the acceleration lags) decide an
-interval of k steps: it is one product, whatever k. Where a stop changes the motion, what it took away is added.
+interval of k steps: it is one product, whatever k. Where a stop changes the motion, what it took away is added. Where
+the blades' pitch moves, it is one more actuator on each, with a law of its own.
 """
 
 from __future__ import annotations
@@ -16,9 +17,17 @@ import numpy as np
 from flapgym.core.arrays import BLADES, Array, FloatArray, IntArray
 from flapgym.core.fields import Choice, Count, Flag, Quantity, check_fields
 from flapgym.core.state_space import StateSpace
-from flapgym.model.signals import COMPONENTS
+from flapgym.model.signals import COMPONENTS, pitch_inputs
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant.actuator import Faults, free_motion, lag_constants, stepwise_motion
+from flapgym.plant.actuator import (
+    Faults,
+    Law,
+    free_motion,
+    lag_constants,
+    pitch_law,
+    rate_gained,
+    stepwise_motion,
+)
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
 from flapgym.plant.fingerprint import fingerprint
 from flapgym.plant.frame import OutputRows, input_frame
@@ -31,7 +40,10 @@ PRECISIONS = ("float64", "float32")
 
 
 class Parameters(NamedTuple):
-    """Constants of a step; b F + f is flap f of blade b, M the number of modes, Q = 3 F kinds what decides a motion.
+    """Constants of a step.
+
+    Flap f of blade b comes at b F + f, the pitch of blade b behind all flaps, at blades F + b: A = F + 1 actuators a
+    blade, or A = F. M is the number of modes, Q = 3 A kinds what decides a motion.
 
     Attributes
     ----------
@@ -39,8 +51,8 @@ class Parameters(NamedTuple):
         Plant steps k an action is held; actions of an episode.
     kept : int
         Samples at which everything but the root moment is told: k, or 1 for the last.
-    blades, flaps : int
-        Blades, and flaps F on each.
+    blades, flaps, pitch : int
+        Blades, flaps F on each, and 1 where pitch moves, else 0.
     blade_outputs, fixed_outputs : int
         Quantities that are computed of the blades (1: the root moment alone) and in the fixed frame.
     blade_places, fixed_places : int
@@ -49,24 +61,30 @@ class Parameters(NamedTuple):
         Whether every plant sample is told.
     time_step, turn : float
         Of a plant step [s, rad of azimuth].
-    lag_decay, lag_gain : float
+    lags : bool
+        Whether a flap's acceleration lags behind its command.
+    lag_decay : float
         `flapgym.plant.actuator.lag_constants`.
-    angle_limit, rate_limit : (blades F,) float
+    lag_gain, stiffness, damping : (blades A,) float
+        `flapgym.plant.actuator.Law` of each.
+    angle_limit, rate_limit : (blades A,) float
         Stops [rad, rad/s].
-    acceleration : (blades F,) float
-        What an action of one stands for [rad/s^2]; zero for a stuck flap.
-    effectiveness : (blades F,) float
+    acceleration : (blades A,) float
+        What an action of one commands [rad/s^2]; zero for a stuck flap.
+    effectiveness : (blades A,) float
+    settling : (k, 2) float
+        `flapgym.plant.actuator.rate_gained` of pitch, which moves without a command, too.
     decay : (2, M) float
         What an interval leaves of the modes: real and imaginary part of their eigenvalues' k-th power.
     read : (2 M, rows) float
         Modes at the start, real parts first, to the rows (`flapgym.plant.frame.OutputRows`, without the wind's).
-    push : (Q + 6 F k, 2 M) float
-        What the flaps do to the modes at the end, by quantities of every flap in components 0, c, s in the frame of
-        the start. The first Q are of motion that is free of stops: command, if it lags the acceleration at the start,
+    push : (Q + 6 A k, 2 M) float
+        What actuators do to the modes at the end, by quantities of each in components 0, c, s in the frame of the
+        start. The first Q are of motion that is free of stops: command, if it lags the acceleration at the start,
         angle and rate there. Where stops are met, the command's part is left out, and behind angle and rate come the
-        rate gained step by step and the jumps of the angle step by step. The last step's do not reach the modes.
-    feed : (Q + 6 F k, rows) float
-        What the flaps do to the rows.
+        rate gained step by step, less `settling`, and the jumps of the angle step by step.
+    feed : (Q + 6 A k, rows) float
+        What they do to the rows.
     """
 
     steps: int
@@ -74,6 +92,7 @@ class Parameters(NamedTuple):
     kept: int
     blades: int
     flaps: int
+    pitch: int
     blade_outputs: int
     fixed_outputs: int
     blade_places: int
@@ -81,26 +100,40 @@ class Parameters(NamedTuple):
     record: bool
     time_step: float
     turn: float
+    lags: bool
     lag_decay: float
-    lag_gain: float
+    lag_gain: Array
+    stiffness: Array
+    damping: Array
     angle_limit: Array
     rate_limit: Array
     acceleration: Array
     effectiveness: Array
+    settling: Array
     decay: FloatArray
     read: FloatArray
     push: FloatArray
     feed: FloatArray
 
     @property
+    def actuators(self) -> int:
+        """A."""
+        return self.flaps + self.pitch
+
+    @property
     def free(self) -> int:
         """Q."""
-        return self.commanded + 2 * BLADES * self.flaps
+        return self.commanded + 2 * BLADES * self.actuators
 
     @property
     def commanded(self) -> int:
         """Of the Q, those of the command and its lag."""
-        return BLADES * self.flaps * (2 if self.lag_gain else 1)
+        return BLADES * self.actuators * (2 if self.lags else 1)
+
+    @property
+    def all_flaps(self) -> int:
+        """Flaps of all blades: as many actuators come before the first that pitches a blade."""
+        return self.blades * self.flaps
 
 
 class Episode(NamedTuple):
@@ -131,8 +164,8 @@ class State(NamedTuple):
     ----------
     elapsed : (n,) int
         Actions since the reset.
-    flaps : (4, blades F, n) float
-        Angle, rate, lagged acceleration, way since the reset [rad, rad/s, rad/s^2, rad].
+    flaps : (4, blades A, n) float
+        Of flaps and pitch: angle, rate, lagged acceleration, way since the reset [rad, rad/s, rad/s^2, rad].
     modes : (n, 2 M) float
         Of the response to the flaps, real parts first.
     """
@@ -189,6 +222,8 @@ class Stepping:
         Of the flaps.
     single_blade : bool
         The clamped single blade instead of the turbine.
+    pitch : bool
+        Whether the pitch of each blade moves, too.
     precision : str
         "float64", or "float32" of the modes and of the response to the wind.
     pool : int
@@ -205,6 +240,7 @@ class Stepping:
     displacements: Annotated[bool, Flag()] = True
     faults: Faults = field(default_factory=Faults)
     single_blade: Annotated[bool, Flag()] = False
+    pitch: Annotated[bool, Flag()] = False
     precision: Annotated[str, Choice(PRECISIONS)] = "float64"
     pool: Annotated[int, Count(at_least=0)] = 0
     surroundings: Surroundings = field(default_factory=Surroundings)
@@ -226,8 +262,33 @@ class Stepping:
     def quantities(self, model: TurbineModel) -> Quantities:
         """What a plant of the model tells."""
         if self.single_blade:
-            return Quantities(self.blades, len(model.flaps), model.blade.outputs, ())
-        return Quantities(self.blades, len(model.flaps), model.blade_outputs, model.fixed_outputs)
+            return Quantities(self.blades, len(model.flaps), False, model.blade.outputs, ())
+        return Quantities(self.blades, len(model.flaps), self.pitch, model.blade_outputs, model.fixed_outputs)
+
+    def limits(self, model: TurbineModel) -> Array:
+        """Stops of angle and rate of every actuator, (2, blades A) [rad, rad/s]."""
+        pitch = [model.pitch_actuator] * self.blades if self.pitch else []
+        of_all = [*model.flaps * self.blades, *pitch]
+        return np.array([[getattr(each, name) for each in of_all] for name in ("angle_limit", "rate_limit")])
+
+    def require(self, model: TurbineModel) -> None:
+        """Refuse a model without the inputs that this takes.
+
+        Raises
+        ------
+        ValueError
+            The message names the setting and a model that has them.
+        """
+        self.surroundings.require(model)
+        if not self.pitch:
+            return
+        if model.pitch_actuator is None:
+            raise ValueError(
+                f"pitch: expected a model with pitch as an input, such as nrel5mw-site, got {model.name}; "
+                "see [signals] in the case file"
+            )
+        if self.single_blade:
+            raise ValueError("pitch: expected none with the single blade, whose model has no such input")
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +298,8 @@ class Kernel:
     Attributes
     ----------
     flap : Modal
-        Flap angles and rates in components to the outputs that have rows, and the wind (on which they do nothing).
+        Angles, rates and, where they act, accelerations of actuators in components to the outputs that have rows, and
+        the wind (on which they do nothing).
     wind : Modal
         Wind to the same, for a wind known in advance.
     disturbance : Disturbance or FieldResponse
@@ -258,7 +320,7 @@ class Kernel:
 
     @cached_property
     def direct(self) -> Array:
-        """(6 F, ny + 1) flap inputs of a sample to the outputs of the same sample."""
+        """(nu, ny + 1) inputs of a sample to the outputs of the same sample."""
         return np.ascontiguousarray(self.flap.D.T)
 
     def packed(self, outputs: Array) -> Array:
@@ -278,26 +340,47 @@ def prepare(model: TurbineModel, stepping: Stepping) -> Kernel:
         len(quantities.blade_outputs) if stepping.displacements else 1,
         len(quantities.fixed_outputs) if stepping.displacements else 0,
     )
-    return _kernel(_ByContent(model), rows, stepping.length_scale, stepping.surroundings)
+    stepping.require(model)
+    return _kernel(_ByContent(model), rows, stepping.length_scale, stepping.surroundings, stepping.pitch)
 
 
 def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Parameters:
     """The constants of a step."""
-    k, blades, flaps = stepping.steps_per_action, stepping.blades, len(model.flaps)
-    turn, dt, quantities = kernel.turn, model.time_step, stepping.quantities(model)
-    decay, gain = lag_constants(dt, stepping.faults.lag)
-    lifted = lift(
-        kernel.flap, k, kernel.rows.matrix(turn)[: kernel.rows.structural], input_frame(k, turn, flaps)
+    k, blades, flaps, pitch = (
+        stepping.steps_per_action,
+        stepping.blades,
+        len(model.flaps),
+        int(stepping.pitch),
     )
-    # Motion of every flap in every component alike; the last sample's acts on the outputs alone.
-    each = np.eye(BLADES * flaps)
-    free = np.kron(free_motion(k, dt, decay, gain), each)
+    turn, dt, quantities = kernel.turn, model.time_step, stepping.quantities(model)
+    frame = input_frame(k, turn, flaps + pitch, pitch, dt)
+    lifted = lift(kernel.flap, k, kernel.rows.matrix(turn)[: kernel.rows.structural], frame)
+    laws, each = laws_of(model, stepping), np.eye(BLADES * (flaps + pitch))
+    # Motion of an actuator in every component alike.
+    lags = stepping.faults.lag > 0.0
+    free = np.sum(
+        [
+            np.kron(free_motion(k, dt, law, lags), each * np.repeat(own, BLADES))
+            for law, own in zip(laws, np.eye(flaps + pitch), strict=True)
+        ],
+        axis=0,
+    )
     done = np.concatenate([free, np.kron(stepwise_motion(k, dt), each)], axis=1)
     drive = _parts_apart(lifted.drive)
     effectiveness, stuck = stepping.faults.on(blades, flaps)
-    limits = [[getattr(flap, name) for flap in model.flaps] * blades for name in _LIMITS]
-    angle_limit, rate_limit, acceleration = (np.array(limit) for limit in limits)
+    angle_limit, rate_limit = stepping.limits(model)
+    of_flaps = np.array([flap.acceleration_limit for flap in model.flaps] * blades)
+    acceleration = np.concatenate(
+        [
+            np.where(np.isnan(stuck), of_flaps, 0.0),
+            laws[-1].stiffness * angle_limit[of_flaps.size :],
+        ]
+    )
     precise = np.dtype(stepping.precision)
+
+    def of_all(name: str) -> Array:
+        of_pitch = [getattr(laws[-1], name)] * (blades * pitch)
+        return np.array([getattr(law, name) for law in laws[:flaps]] * blades + of_pitch)
 
     def packed(matrix: Array) -> FloatArray:
         return np.ascontiguousarray(matrix, dtype=precise)
@@ -308,6 +391,7 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
         kept=kernel.rows.kept,
         blades=blades,
         flaps=flaps,
+        pitch=pitch,
         blade_outputs=kernel.rows.blade_outputs,
         fixed_outputs=kernel.rows.fixed_outputs,
         blade_places=len(quantities.blade_outputs),
@@ -315,12 +399,16 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
         record=stepping.record,
         time_step=dt,
         turn=turn,
-        lag_decay=decay,
-        lag_gain=gain,
+        lags=lags,
+        lag_decay=laws[0].lag_decay,
+        lag_gain=of_all("lag_gain"),
+        stiffness=of_all("stiffness"),
+        damping=of_all("damping"),
         angle_limit=angle_limit,
         rate_limit=rate_limit,
-        acceleration=np.where(np.isnan(stuck), acceleration, 0.0),
-        effectiveness=effectiveness,
+        acceleration=acceleration,
+        effectiveness=np.concatenate([effectiveness, np.ones(blades * pitch)]),
+        settling=rate_gained(k, dt, laws[-1]),
         decay=packed(np.stack([lifted.decay.real, lifted.decay.imag])),
         read=packed(_parts_apart(lifted.read.T).T),
         push=packed(done[: len(drive)].T @ drive),
@@ -328,7 +416,13 @@ def parameters_of(model: TurbineModel, stepping: Stepping, kernel: Kernel) -> Pa
     )
 
 
-_LIMITS = ("angle_limit", "rate_limit", "acceleration_limit")
+def laws_of(model: TurbineModel, stepping: Stepping) -> list[Law]:
+    """Of the actuators of a blade: its flaps, and pitch where it moves."""
+    laws = [Law(*lag_constants(model.time_step, stepping.faults.lag))] * len(model.flaps)
+    if stepping.pitch:
+        assert model.pitch_actuator is not None
+        laws.append(pitch_law(model.pitch_actuator, model.time_step))
+    return laws
 
 
 def _parts_apart(alternating: Array) -> Array:
@@ -394,9 +488,27 @@ class _ByContent:
 
 
 @lru_cache(maxsize=4)
-def _flap_modes(content: _ByContent) -> Modal:
-    turbine = content.model.turbine
-    return modal_form(turbine.select(inputs=[*turbine.inputs[: 2 * BLADES * len(content.model.flaps)]]))
+def _actuator_modes(content: _ByContent, pitch: bool) -> Modal:
+    """Angles, then rates of flaps and pitch, then accelerations of pitch as they drive modes and as outputs feel them.
+
+    For an acceleration changes from step to step: what a sample tells is of the step that ends there, and does not
+    depend on the next action.
+    """
+    half = BLADES * len(content.model.flaps)
+    of_flaps, of_pitch = content.model.turbine.inputs[: 2 * half], list(pitch_inputs()) if pitch else []
+    angles = [*of_flaps[:half], *of_pitch[:BLADES]]
+    rates = [*of_flaps[half:], *of_pitch[BLADES : 2 * BLADES]]
+    accelerations = of_pitch[2 * BLADES :]
+    system = content.model.turbine.select(inputs=[*angles, *rates, *accelerations])
+    driving, felt = system.B[:, len(angles) + len(rates) :], system.D[:, len(angles) + len(rates) :]
+    return modal_form(
+        replace(
+            system,
+            B=np.hstack([system.B, np.zeros_like(driving)]),
+            D=np.hstack([system.D[:, : len(angles) + len(rates)], np.zeros_like(felt), felt]),
+            inputs=(*system.inputs, *(f"{name}_before" for name in accelerations)),
+        )
+    )
 
 
 @lru_cache(maxsize=4)
@@ -415,11 +527,12 @@ def _strip_modes(content: _ByContent) -> Modal:
 
 
 @lru_cache(maxsize=16)
-def _kernel(content: _ByContent, rows: OutputRows, length_scale: float, surroundings: Surroundings) -> Kernel:
+def _kernel(
+    content: _ByContent, rows: OutputRows, length_scale: float, surroundings: Surroundings, pitch: bool
+) -> Kernel:
     model = content.model
-    surroundings.require(model)
     turn = model.rotor_speed * model.time_step
-    flap = _wanted(_flap_modes(content), rows, model)
+    flap = _wanted(_actuator_modes(content, pitch), rows, model)
     disturbance: Disturbance | FieldResponse
     if surroundings.field is None:
         noise_modes, root = _disturbance_modes(content, length_scale)

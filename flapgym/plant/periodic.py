@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flapgym.core.arrays import Array, BoolArray, FloatArray, IntArray
+from flapgym.core.arrays import BLADES, Array, BoolArray, FloatArray, IntArray
 from flapgym.core.state_space import StateSpace
 from flapgym.model.harmonics import PeriodicPart
 from flapgym.model.multiblade import to_blades, to_components
@@ -186,8 +186,8 @@ class PeriodicPlant:
         phase = np.exp(1j * azimuth * np.arange(len(self._constants.steady)))
         state = state + (phase @ self._constants.steady).real + self._under_stuck_flaps(start.azimuth)
         flaps = np.zeros((4, self._held.size, len(turbines)))
-        flaps[0] = np.where(self._held, self._stuck, start.flap_angle).T
-        flaps[1] = np.where(self._held, 0.0, start.flap_rate).T
+        flaps[0] = np.where(self._held, self._stuck, start.angle).T
+        flaps[1] = np.where(self._held, 0.0, start.rate).T
         self._wind[turbines], self._flaps[:, :, turbines] = wind, flaps
         self.elapsed[turbines], self._start_azimuth[turbines] = 0, start.azimuth
         outputs, self._ahead[turbines] = self._march(
@@ -247,7 +247,7 @@ class PeriodicPlant:
 
     def _under_stuck_flaps(self, azimuth: Array) -> Array:
         """States (m, n) of the mean turbine that stuck flaps keep up."""
-        angle = self._stuck * self._parameters.effectiveness
+        angle = (self._stuck * self._parameters.effectiveness).reshape(BLADES, -1)
         if not angle.any():
             return np.zeros((len(azimuth), self._order))
         turbine = self.model.turbine

@@ -16,6 +16,8 @@ class Quantities:
         Blades that are there: 3, or 1 for the single blade.
     flaps : int
         Flaps F on each.
+    pitch : bool
+        Whether the blades' pitch moves.
     blade_outputs : tuple of str
         What the model tells of each blade, "rbm" first.
     fixed_outputs : tuple of str
@@ -24,18 +26,19 @@ class Quantities:
 
     blades: int
     flaps: int
+    pitch: bool
     blade_outputs: tuple[str, ...]
     fixed_outputs: tuple[str, ...]
 
     @cached_property
     def last(self) -> dict[str, slice]:
-        """Of the numbers at the last sample: loads, flaps blade by blade, fixed outputs, wind, azimuth of blade 1.
+        """Of the numbers at the last sample: loads, actuators, fixed outputs, wind, azimuth of blade 1.
 
-        The azimuth comes with its cosine and sine, behind one another, under "heading".
+        Flaps come blade by blade, then pitch. The azimuth comes with its cosine and sine, behind one another, under
+        "heading".
         """
-        flaps = self.blades * self.flaps
         sizes = dict.fromkeys(self.blade_outputs, self.blades)
-        sizes |= dict.fromkeys(("flap_angle", "flap_rate", "flap_travel", "flap_stopped"), flaps)
+        sizes |= self._of_actuators("angle", "rate", "travel", "stopped")
         sizes |= dict.fromkeys((*self.fixed_outputs, "wind", "azimuth"), 1) | {"heading": 2}
         return _places(sizes)
 
@@ -43,9 +46,13 @@ class Quantities:
     def sample(self) -> dict[str, slice]:
         """Of the numbers at a plant sample."""
         sizes = dict.fromkeys(self.blade_outputs, self.blades)
-        sizes |= dict.fromkeys(("flap_angle", "flap_rate"), self.blades * self.flaps)
+        sizes |= self._of_actuators("angle", "rate")
         sizes |= dict.fromkeys((*self.fixed_outputs, "wind"), 1)
         return _places(sizes)
+
+    def _of_actuators(self, *kinds: str) -> dict[str, int]:
+        sizes = {"flap": self.blades * self.flaps} | ({"pitch": self.blades} if self.pitch else {})
+        return {f"{name}_{kind}": size for kind in kinds for name, size in sizes.items()}
 
     @property
     def size(self) -> int:

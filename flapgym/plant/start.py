@@ -31,8 +31,9 @@ class Start:
     ----------
     azimuth : (m,) float
         Of blade 1 [rad].
-    flap_angle, flap_rate : (m, blades F) float
-        Within the stops [rad, rad/s]. The turbine's response to the flaps starts from rest.
+    angle, rate : (m, blades A) float
+        Of flaps, and of pitch behind them, within the stops [rad, rad/s]. The turbine's response to them starts from
+        rest.
     intensity : (m,) float
         Of the turbulence; none where it is zero.
     noise : (m, noise_count) float or None
@@ -44,8 +45,8 @@ class Start:
     """
 
     azimuth: Array
-    flap_angle: Array
-    flap_rate: Array
+    angle: Array
+    rate: Array
     intensity: Array
     noise: Array | None = None
     realisation: IntArray | None = None

@@ -17,17 +17,16 @@ def stuck_modes(flap: Modal, angle: Array, azimuth: Array, turn: float) -> Compl
     Parameters
     ----------
     flap : Modal
-        Flap angles and rates in components to outputs.
-    angle : (blades F,) float
-        Of each flap [rad], times its effectiveness; of the single blade, F of them.
+        Flap angles, and what else there is behind them, in components to outputs.
+    angle : (blades, F) float
+        Of each flap [rad], times its effectiveness; of the single blade, one row.
     azimuth : (m,) float
         Of blade 1 [rad].
     turn : float
         Azimuth of one step [rad].
     """
-    flaps = flap.drive.shape[1] // (2 * BLADES)
     # A single blade is the mean of three alike.
-    each = np.broadcast_to(np.asarray(angle).reshape(-1, flaps), (BLADES, flaps))
+    each = np.broadcast_to(angle, (BLADES, angle.shape[1]))
     modes = np.zeros((len(azimuth), flap.order), dtype=complex)
     if not each.any():
         return modes

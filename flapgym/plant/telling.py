@@ -33,11 +33,11 @@ def tell(
         Fixed outputs at the samples kept.
     wind : (n, kept) float
         [m/s].
-    motion : (k + 1, 2, blades F, n) float
-        Angle and rate of the flaps at samples 0 to k [rad, rad/s]; the last sample is enough.
-    travel : (blades F, n) float
+    motion : (k + 1, 2, blades A, n) float
+        Angle and rate of the actuators at samples 0 to k [rad, rad/s]; the last sample is enough.
+    travel : (blades A, n) float
         Way since the reset [rad].
-    stopped : (blades F, n) bool
+    stopped : (blades A, n) bool
     azimuth : (n,) float
         Of blade 1 at the last sample [rad].
     """
@@ -67,7 +67,7 @@ def tell(
         flat = others.transpose(0, 2, 1, 3).reshape(n, rbm.shape[1], -1)
         flaps = motion[1:].transpose(3, 0, 1, 2).reshape(n, rbm.shape[1], -1)
         samples = np.concatenate([rbm, flat, flaps, fixed.transpose(0, 2, 1), wind[:, :, None]], axis=2)
-    share = motion[1:, 0] / p.angle_limit[:, None]
+    share = motion[1:, 0, : p.all_flaps] / p.angle_limit[: p.all_flaps, None]
     return Loads(
         last=last,
         rbm_square=np.einsum("nkb,nkb->nb", rbm, rbm) / rbm.shape[1],

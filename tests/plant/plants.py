@@ -16,9 +16,11 @@ BACKENDS = ("numpy", "numba")
 
 
 @cache
-def model_of(flaps: int = 1, further: bool = False, tower_coupling: float = 1.0, strips: int = 0):
+def model_of(
+    flaps: int = 1, further: bool = False, tower_coupling: float = 1.0, strips: int = 0, pitch: bool = False
+):
     """The synthetic model, made once."""
-    return synthetic_model(tower_coupling, flaps, further, strips)
+    return synthetic_model(tower_coupling, flaps, further, strips, pitch)
 
 
 def plant_of(count, steps, intervals, model=None, backend="auto", record=True, **stepping):
@@ -31,9 +33,12 @@ def plant_of(count, steps, intervals, model=None, backend="auto", record=True, *
 
 
 def flaps_of(plant):
-    """Stops of every flap: angle, rate (blades F,) [rad, rad/s]."""
-    limits = [(flap.angle_limit, flap.rate_limit) for flap in plant.model.flaps]
-    return np.array(limits * plant.stepping.blades).T
+    """Stops of every flap, and of pitch where it moves: angle, rate (blades A,) [rad, rad/s]."""
+    limits = [(flap.angle_limit, flap.rate_limit) for flap in plant.model.flaps] * plant.stepping.blades
+    pitch = plant.model.pitch_actuator
+    if plant.stepping.pitch:
+        limits += [(pitch.angle_limit, pitch.rate_limit)] * plant.stepping.blades
+    return np.array(limits).T
 
 
 def start_of(plant, seed=0, **given):
@@ -44,8 +49,8 @@ def start_of(plant, seed=0, **given):
         "noise": rng.standard_normal((n, plant.noise_count)),
         "intensity": np.linspace(0.10, 0.0, n) if n > 1 else np.array([0.10]),
         "azimuth": rng.uniform(0, 2 * np.pi, n),
-        "flap_angle": rng.uniform(-0.6, 0.6, (n, angle.size)) * angle,
-        "flap_rate": rng.uniform(-0.3, 0.3, (n, rate.size)) * rate,
+        "angle": rng.uniform(-0.6, 0.6, (n, angle.size)) * angle,
+        "rate": rng.uniform(-0.3, 0.3, (n, rate.size)) * rate,
     }
     return Start(**(start | given))
 
@@ -55,8 +60,8 @@ def rest(plant, **given):
     n, (angle, _) = plant.count, flaps_of(plant)
     start = {
         "azimuth": np.zeros(n),
-        "flap_angle": np.zeros((n, angle.size)),
-        "flap_rate": np.zeros((n, angle.size)),
+        "angle": np.zeros((n, angle.size)),
+        "rate": np.zeros((n, angle.size)),
         "intensity": np.zeros(n),
     }
     return Start(**(start | given))

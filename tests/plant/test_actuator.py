@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flapgym.plant.actuator import TOUCH, flap_step, free_motion, lag_constants, stepwise_motion
+from flapgym.plant.actuator import TOUCH, Law, flap_step, free_motion, lag_constants, stepwise_motion
 
 ANGLE, RATE, DT = np.deg2rad(10.0), np.deg2rad(100.0), 0.007
 FLAPS = st.tuples(st.floats(-ANGLE, ANGLE), st.floats(-RATE, RATE), st.floats(-100.0, 100.0))
@@ -15,7 +15,7 @@ FLAPS = st.tuples(st.floats(-ANGLE, ANGLE), st.floats(-RATE, RATE), st.floats(-1
 
 def _free(steps, lag, start):
     """Angles and rates (k + 1,) from command, where there is a lag acceleration, angle and rate."""
-    return (free_motion(steps, DT, *lag_constants(DT, lag)) @ start).reshape(steps + 1, 2).T
+    return (free_motion(steps, DT, Law(*lag_constants(DT, lag)), lag > 0.0) @ start).reshape(steps + 1, 2).T
 
 
 def _march(angle, rate, command, lagged, steps, lag):

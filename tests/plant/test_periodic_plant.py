@@ -77,7 +77,7 @@ def test_it_steps_what_the_models_own_simulation_gives(flaps, further, strips):
     for turbine in range(2):
         azimuth = start.azimuth[turbine] + model.rotor_speed * model.time_step * np.arange(501)
         components = []
-        for name, at_start in (("flap_angle", start.flap_angle), ("flap_rate", start.flap_rate)):
+        for name, at_start in (("flap_angle", start.angle), ("flap_rate", start.rate)):
             motion = np.vstack([at_start[turbine], flight.samples(name)[:, turbine]])
             components += [to_components(motion[:, flap::flaps], azimuth) for flap in range(flaps)]
         inputs = np.hstack([*components, gust.wind[:501, None], np.zeros((501, 3 * strips))])

@@ -62,8 +62,8 @@ def test_every_sample_agrees_with_the_plain_simulation_to_1e9(backend, steps, co
             wind,
             start.azimuth[turbine],
             state,
-            start.flap_angle[turbine],
-            start.flap_rate[turbine],
+            start.angle[turbine],
+            start.rate[turbine],
             each,
             lag,
         )
@@ -88,8 +88,8 @@ def test_a_long_run_does_not_drift_from_the_plain_simulation(backend):
         wind,
         start.azimuth[0],
         state,
-        start.flap_angle[0],
-        start.flap_rate[0],
+        start.angle[0],
+        start.rate[0],
     )
     for name, values in expected.outputs.items():
         assert_near(flight.samples(name)[:, 0], values[1:], 1e-9, name)
@@ -104,11 +104,11 @@ def test_what_a_reset_tells_is_sample_zero_of_the_plain_simulation(backend, kind
     last = plant.reset(np.arange(1), start).last[0]
     wind, state = _wind_and_state(model, start, 0)
     still = np.zeros((1, 3 * kind[0]))
-    expected = run(model, still, wind, start.azimuth[0], state, start.flap_angle[0], start.flap_rate[0])
+    expected = run(model, still, wind, start.azimuth[0], state, start.angle[0], start.rate[0])
     for name, values in expected.outputs.items():
         np.testing.assert_allclose(last[plant.quantities.last[name]], values[0], rtol=1e-9, err_msg=name)
-    np.testing.assert_array_equal(last[plant.quantities.last["flap_angle"]], start.flap_angle[0])
-    np.testing.assert_array_equal(last[plant.quantities.last["flap_rate"]], start.flap_rate[0])
+    np.testing.assert_array_equal(last[plant.quantities.last["flap_angle"]], start.angle[0])
+    np.testing.assert_array_equal(last[plant.quantities.last["flap_rate"]], start.rate[0])
     np.testing.assert_allclose(last[plant.quantities.last["wind"]], wind[0], rtol=1e-12)
 
 
@@ -175,8 +175,8 @@ def test_no_blade_is_special(backend, kind):
     turned = replace(
         start,
         azimuth=start.azimuth[0] + np.array([0.0, 2.0 * np.pi / 3.0]),
-        flap_angle=np.stack([start.flap_angle[0], handed_on(start.flap_angle[0])]),
-        flap_rate=np.stack([start.flap_rate[0], handed_on(start.flap_rate[0])]),
+        angle=np.stack([start.angle[0], handed_on(start.angle[0])]),
+        rate=np.stack([start.rate[0], handed_on(start.rate[0])]),
     )
     flight = flown(plant, turned, action)
     for name in plant.quantities.sample:

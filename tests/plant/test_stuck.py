@@ -26,12 +26,12 @@ def test_the_steady_motion_under_stuck_flaps_is_the_one_that_marching_keeps(mode
     flap, flaps = _flap_modes(model), len(model.flaps)
     turn, theta = model.rotor_speed * model.time_step, 0.7
     angle = np.random.default_rng(0).uniform(-0.08, 0.08, (3, flaps))
-    z = stuck_modes(flap, angle.ravel(), np.array([theta]), turn)[0]
+    z = stuck_modes(flap, angle, np.array([theta]), turn)[0]
     steps = 200
     for step in range(steps):
         components = to_components(angle.T, np.array(theta + step * turn)).ravel()
         z = flap.values * z + flap.drive[:, : 3 * flaps] @ components
-    expected = stuck_modes(flap, angle.ravel(), np.array([theta + steps * turn]), turn)[0]
+    expected = stuck_modes(flap, angle, np.array([theta + steps * turn]), turn)[0]
     np.testing.assert_allclose(z, expected, atol=1e-10 * np.abs(expected).max())
 
 
@@ -39,7 +39,7 @@ def test_equal_stuck_flaps_load_the_turbine_as_its_steady_gain_says():
     model = load_model("nrel5mw-rated")
     flap = _flap_modes(model)
     turn, azimuth = model.rotor_speed * model.time_step, np.array([0.3, 2.0])
-    z = stuck_modes(flap, np.full(3, 0.05), azimuth, turn)
+    z = stuck_modes(flap, np.full((3, 1), 0.05), azimuth, turn)
     outputs = (z @ flap.read.T).real + 0.05 * flap.D[:, 0]
     steady = 0.05 * model.turbine.dc_gain()[:, 0]
     # Each quantity by its largest component: symmetry makes some of them zero but for round-off.

@@ -209,9 +209,7 @@ def told_of(outputs, name, azimuth):
 def test_an_episode_in_a_field_is_that_of_marching_through_the_field_to_1e9(steps):
     model, count = site_model(), 200
     plant = plant_of(2, steps, count // steps, model, "numpy", surroundings=Surroundings(field=FIELD))
-    start = start_of(
-        plant, intensity=np.full(2, 0.03), flap_angle=np.zeros((2, 3)), flap_rate=np.zeros((2, 3))
-    )
+    start = start_of(plant, intensity=np.full(2, 0.03), angle=np.zeros((2, 3)), rate=np.zeros((2, 3)))
     first = plant.reset(np.arange(2), start).last
     flight = flown(plant, start, np.zeros((count // steps, 2, 3)))
     for turbine in range(2):
@@ -252,7 +250,7 @@ def test_a_field_that_is_the_same_over_the_disk_does_what_the_homogeneous_wind_d
     disk_turbulence = surroundings.disk_turbulence
     monkeypatch.setattr(surroundings, "disk_turbulence", the_same_everywhere)
     plant, model = field_plant(1), site_model()
-    start = start_of(plant, flap_angle=np.zeros((1, 3)), flap_rate=np.zeros((1, 3)))
+    start = start_of(plant, angle=np.zeros((1, 3)), rate=np.zeros((1, 3)))
     flight = flown(plant, start, np.zeros((40, 1, 3)))
     wind, begin, run_in = drawn(plant, start.noise[0])
     outputs = from_equilibrium(model.turbine.select(inputs=["wind"]), wind.rotor_average()[begin:, None])

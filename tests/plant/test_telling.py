@@ -34,7 +34,7 @@ def test_what_is_told_of_an_action_is_what_its_samples_say(backend, count, flaps
             flight.last(name), flight.samples(name)[steps - 1 :: steps], err_msg=name
         )
 
-    way = np.cumsum(np.abs(np.diff(np.concatenate([start.flap_angle[None], angle]), axis=0)), axis=0)
+    way = np.cumsum(np.abs(np.diff(np.concatenate([start.angle[None], angle]), axis=0)), axis=0)
     np.testing.assert_allclose(flight.last("flap_travel"), way[steps - 1 :: steps], rtol=1e-12)
     elapsed = steps * np.arange(1, intervals + 1)[:, None]
     azimuth = start.azimuth + model.rotor_speed * model.time_step * elapsed

@@ -51,6 +51,7 @@ class Sizes(NamedTuple):
     ----------
     modes, rows, given, commanded : int
         2 M and rows of the matrices, Q, and those of the command among them.
+    lags : int
     cosine, sine : float
         Of the azimuth of an interval.
     """
@@ -60,6 +61,7 @@ class Sizes(NamedTuple):
     kept: int
     blades: int
     flaps: int
+    pitch: int
     blade_outputs: int
     fixed_outputs: int
     blade_places: int
@@ -69,10 +71,10 @@ class Sizes(NamedTuple):
     rows: int
     given: int
     commanded: int
+    lags: int
     time_step: float
     turn: float
     lag_decay: float
-    lag_gain: float
     cosine: float
     sine: float
 
@@ -148,24 +150,30 @@ flap_step = njit(inline="always", **OPTIONS)(actuator.flap_step)
 
 
 @njit(**OPTIONS)
-def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
-    """Flaps of one turbine over the interval.
+def actuators(s):  # type: ignore[no-untyped-def]
+    """Flaps of all blades, and pitch of each."""
+    return s.blades * (s.flaps + s.pitch)
 
-    Returns the sum of squared angles over stops, whether a stop was met, and whether angles jumped.
+
+@njit(**OPTIONS)
+def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
+    """Actuators of one turbine over the interval.
+
+    Returns the sum of the flaps' squared angles over stops, whether a stop was met, and whether angles jumped.
 
     Parameters
     ----------
     s : Sizes
-    limits : (4 blades F,) float
-        Angle stop, rate stop, acceleration and effectiveness of every flap.
-    action : (blades F,) float
-    flaps : (4 blades F,) float
-        Angle, rate, lagged acceleration and way of every flap; changed.
-    work : (blades F (2 + 2 k),) float
-        Filled, each of every flap: command, whether it met a stop, rate gained step by step, jumps step by step.
+    limits : (7 blades A,) float
+        Angle stop, rate stop, acceleration, effectiveness, lag gain, stiffness and damping of each.
+    action : (blades A,) float
+    flaps : (4 blades A,) float
+        Angle, rate, lagged acceleration and way of each; changed.
+    work : (blades A (2 + 2 k),) float
+        Filled, of each: command, whether it met a stop, rate gained step by step, jumps step by step.
     """
-    count, k = s.blades * s.flaps, s.steps
-    dt, decay, gain = s.time_step, s.lag_decay, s.lag_gain
+    count, k = actuators(s), s.steps
+    dt, decay = s.time_step, s.lag_decay
     square, stopped, jumped = 0.0, False, False
     for i in range(count):
         work[i] = min(max(float(action[i]), -1.0), 1.0) * limits[2 * count + i]
@@ -175,12 +183,14 @@ def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
         place = (2 + j) * count
         for i in range(count):
             angle, rate, lagged, held = flaps[i], flaps[count + i], flaps[2 * count + i], work[i]
-            acting = held + gain * (lagged - held)
+            acting = held + limits[4 * count + i] * (lagged - held)
+            acting -= limits[5 * count + i] * angle + limits[6 * count + i] * rate
             moved, after, jump, hit = flap_step(angle, rate, acting, dt, limits[i], limits[count + i])
             flaps[i], flaps[count + i] = moved, after
             flaps[2 * count + i] = held + decay * (lagged - held)
             flaps[3 * count + i] += abs(moved - angle)
-            square += (moved / limits[i]) ** 2
+            if i < s.blades * s.flaps:
+                square += (moved / limits[i]) ** 2
             work[place + i], work[place + k * count + i] = after - rate, jump
             if hit:
                 stopped, work[count + i] = True, 1.0
@@ -190,23 +200,35 @@ def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
 
 @njit(**OPTIONS)
 def components(s, limits, values, first, cosine, sine, inputs, place):  # type: ignore[no-untyped-def]
-    """Components of a quantity of the flaps, values[first + b F + f], into inputs from `place` on, three a flap.
+    """Components of a quantity of the actuators, values[first:], into inputs from `place` on, three of each.
 
     cos(theta + 2 pi b / 3) summed with the blades: what turns with blade 1 (along), and across it.
     """
-    flaps, effect = s.flaps, 3 * s.blades * s.flaps
-    for f in range(flaps):
-        at = first + f
-        one, two, three = values[at] * limits[effect + f], 0.0, 0.0
+    effect = 3 * actuators(s)
+    for f in range(s.flaps + s.pitch):
+        # Flaps come blade by blade, pitch behind them.
+        own, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
+        at = first + own
+        one, two, three = values[at] * limits[effect + own], 0.0, 0.0
         mean, turning = one, 0.0
         if s.blades == BLADES:
-            two = values[at + flaps] * limits[effect + flaps + f]
-            three = values[at + 2 * flaps] * limits[effect + 2 * flaps + f]
+            two = values[at + next_blade] * limits[effect + own + next_blade]
+            three = values[at + 2 * next_blade] * limits[effect + own + 2 * next_blade]
             mean, turning = THIRD * (one + two + three), 2.0 * THIRD
         along, across = turning * (one + C1 * (two + three)), turning * (S1 * (three - two))
         inputs[place], inputs[place + 1] = mean, cosine * along + sine * across
         inputs[place + 2] = sine * along - cosine * across
         place += BLADES
+
+
+@njit(**OPTIONS)
+def settle(s, settling, inputs):  # type: ignore[no-untyped-def]
+    """Take from the rate that pitch gained step by step what angle and rate at its start account for."""
+    each = BLADES * (s.flaps + s.pitch)
+    for c in range(BLADES * s.flaps, each):
+        angle, rate = inputs[s.commanded + c], inputs[s.commanded + each + c]
+        for j in range(s.steps):
+            inputs[s.given + j * each + c] -= settling[2 * j] * angle + settling[2 * j + 1] * rate
 
 
 @njit(**OPTIONS)
@@ -323,7 +345,7 @@ def read_blades(s, rows, cosine, sine, last, rbm_square, samples):  # type: igno
 def read_fixed(s, rows, wind, level, place, last, fixed_square, samples):  # type: ignore[no-untyped-def]
     """Fixed outputs and the wind, last from `place` on; samples from their place on."""
     row, kept = s.rows - s.fixed_outputs * s.kept, s.kept
-    column = s.blade_places * s.blades + 2 * s.blades * s.flaps
+    column = s.blade_places * s.blades + 2 * actuators(s)
     for quantity in range(s.fixed_outputs):
         value, square = 0.0, 0.0
         for j in range(kept):
@@ -360,6 +382,7 @@ def sizes_of(p):  # type: ignore[no-untyped-def]
         p.kept,
         p.blades,
         p.flaps,
+        p.pitch,
         p.blade_outputs,
         p.fixed_outputs,
         p.blade_places,
@@ -367,12 +390,12 @@ def sizes_of(p):  # type: ignore[no-untyped-def]
         int(p.record),
         p.read.shape[0],
         p.read.shape[1],
-        BLADES * p.flaps * (4 if p.lag_gain != 0.0 else 3),
-        BLADES * p.flaps * (2 if p.lag_gain != 0.0 else 1),
+        BLADES * (p.flaps + p.pitch) * (4 if p.lags else 3),
+        BLADES * (p.flaps + p.pitch) * (2 if p.lags else 1),
+        int(p.lags),
         p.time_step,
         p.turn,
         p.lag_decay,
-        p.lag_gain,
         math.cos(p.turn * p.steps),
         math.sin(p.turn * p.steps),
     )
@@ -381,29 +404,31 @@ def sizes_of(p):  # type: ignore[no-untyped-def]
 @njit(**OPTIONS)
 def work_size(s):  # type: ignore[no-untyped-def]
     """Numbers `move` works with."""
-    return s.blades * s.flaps * (2 + 2 * s.steps)
+    return actuators(s) * (2 + 2 * s.steps)
 
 
 @njit(**OPTIONS)
 def last_size(s):  # type: ignore[no-untyped-def]
     """Numbers a turbine tells of the last sample."""
-    return s.blade_places * s.blades + 4 * s.blades * s.flaps + s.fixed_places + 4
+    return s.blade_places * s.blades + 4 * actuators(s) + s.fixed_places + 4
 
 
 @njit(**OPTIONS)
 def move_many(p, actions, flaps, command, gained, jumps, stopped, square, samples):  # type: ignore[no-untyped-def]
     """`move` for n turbines, which stand innermost; returns whether a stop was met and whether angles jumped.
 
-    Changes flaps (4, blades F, n); fills command (blades F, n), rate gained and jumps (k, blades F, n), who met a stop
-    (blades F, n), the sum of squared angles over stops (n,) and, where they are wanted, the samples (n, k, size).
+    Changes flaps (4, blades A, n); fills command (blades A, n), rate gained and jumps (k, blades A, n), who met a stop
+    (blades A, n), the sum of squared angles over stops (n,) and, where they are wanted, the samples (n, k, size).
     """
     count, n = command.shape
     at = p.blade_places * p.blades
-    dt, decay, gain = p.time_step, p.lag_decay, p.lag_gain
+    dt, decay = p.time_step, p.lag_decay
     met_any, jumped = 0.0, 0.0
     square[:] = 0.0
     for i in range(count):
         top_angle, top_rate, most = p.angle_limit[i], p.rate_limit[i], p.acceleration[i]
+        gain, stiffness, damping = p.lag_gain[i], p.stiffness[i], p.damping[i]
+        counts = 1.0 if i < p.blades * p.flaps else 0.0
         angle, rate, lagged, travel = flaps[0, i], flaps[1, i], flaps[2, i], flaps[3, i]
         held, met = command[i], stopped[i]
         for t in range(n):
@@ -412,10 +437,11 @@ def move_many(p, actions, flaps, command, gained, jumps, stopped, square, sample
             gained_now, jump_now = gained[j, i], jumps[j, i]
             for t in range(n):
                 acting = held[t] + gain * (lagged[t] - held[t])
+                acting -= stiffness * angle[t] + damping * rate[t]
                 moved, after, jump, hit = flap_step(angle[t], rate[t], acting, dt, top_angle, top_rate)
                 lagged[t] = held[t] + decay * (lagged[t] - held[t])
                 travel[t] += abs(moved - angle[t])
-                square[t] += (moved / top_angle) ** 2
+                square[t] += counts * (moved / top_angle) ** 2
                 gained_now[t], jump_now[t] = after - rate[t], jump
                 angle[t], rate[t] = moved, after
                 met[t] = max(met[t], 1.0 * hit)
@@ -428,7 +454,7 @@ def move_many(p, actions, flaps, command, gained, jumps, stopped, square, sample
 
 @njit(**OPTIONS)
 def choose(stopped, command, lagged, gained):  # type: ignore[no-untyped-def]
-    """Leave the command of turbines whose flaps are all free, and the rate gained in every step of the others.
+    """Leave the command of turbines whose actuators are all free, and the rate gained in every step of the others.
 
     Turbine by turbine, and not for all at once: what one does must not depend on who is stepped beside it.
     """
@@ -445,18 +471,21 @@ def choose(stopped, command, lagged, gained):  # type: ignore[no-untyped-def]
 
 
 @njit(**OPTIONS)
-def components_many(values, effectiveness, flaps, cosine, sine, given, place):  # type: ignore[no-untyped-def]
-    """Components of a quantity of the flaps (blades F, n) into columns of `given`, from `place` on, three a flap."""
-    single = len(values) == flaps
-    for f in range(flaps):
+def components_many(values, effectiveness, s, cosine, sine, given, place):  # type: ignore[no-untyped-def]
+    """Components of a quantity of the actuators (blades A, n) into columns of `given`, from `place` on, three each."""
+    for f in range(s.flaps + s.pitch):
         at = place + BLADES * f
+        first, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
         for t in range(cosine.size):
-            one = values[f, t] * effectiveness[f]
-            if single:
+            one = values[first, t] * effectiveness[first]
+            if s.blades < BLADES:
                 given[t, at], given[t, at + 1], given[t, at + 2] = one, 0.0, 0.0
             else:
-                two = values[flaps + f, t] * effectiveness[flaps + f]
-                three = values[2 * flaps + f, t] * effectiveness[2 * flaps + f]
+                second, third = first + next_blade, first + 2 * next_blade
+                two, three = (
+                    values[second, t] * effectiveness[second],
+                    values[third, t] * effectiveness[third],
+                )
                 # What turns with blade 1, and what stands across it.
                 along, across = one + C1 * (two + three), S1 * (three - two)
                 given[t, at] = THIRD * (one + two + three)
@@ -481,9 +510,9 @@ def decay_many(decay, modes, after):  # type: ignore[no-untyped-def]
 
 @njit(**OPTIONS)
 def add_jumps(p, s, jumps, cosine, sine, after, rows):  # type: ignore[no-untyped-def]
-    """What jumps of angles (k, blades F, n) did to modes and rows: few flaps hit a stop at once."""
+    """What jumps of angles (k, blades A, n) did to modes and rows: few actuators hit a stop at once."""
     k, count, n = jumps.shape
-    width = BLADES * s.flaps
+    width = BLADES * (s.flaps + s.pitch)
     one, inputs = np.empty((count, 1)), np.empty((1, width), after.dtype)
     for j in range(k):
         row = s.given + width * (k + j)
@@ -493,7 +522,7 @@ def add_jumps(p, s, jumps, cosine, sine, after, rows):  # type: ignore[no-untype
                 one[i, 0] = jumps[j, i, t]
                 total += abs(jumps[j, i, t])
             if total > 0.0:
-                components_many(one, p.effectiveness, s.flaps, cosine[t : t + 1], sine[t : t + 1], inputs, 0)
+                components_many(one, p.effectiveness, s, cosine[t : t + 1], sine[t : t + 1], inputs, 0)
                 add_inputs(p.push, row, inputs[0], 0, width, after[t])
                 add_inputs(p.feed, row, inputs[0], 0, width, rows[t])
 
@@ -522,7 +551,7 @@ def read_many(p, s, episode, elapsed, rows, flaps, stopped, square, cosine, sine
             told[at + 2 * count + i], told[at + 3 * count + i] = flaps[3, i, t], stopped[i, t]
         turned = heading(s, episode.azimuth[turbine], since, cosine[t], sine[t])
         told[wind_at + 1], told[wind_at + 2], told[wind_at + 3] = turned
-        angle_square[turbine] = square[t] / (p.steps * count)
+        angle_square[turbine] = square[t] / (p.steps * p.blades * p.flaps)
 
 
 def _entry(edition: int) -> Any:
@@ -532,7 +561,7 @@ def _entry(edition: int) -> Any:
     def step(p, episode, state, actions):  # type: ignore[no-untyped-def]
         _ = edition
         s, n, count, k = sizes_of(p), state.elapsed.size, p.angle_limit.size, p.steps
-        kind, width = p.read.dtype, BLADES * p.flaps
+        kind, width = p.read.dtype, BLADES * (p.flaps + p.pitch)
         flaps, modes, elapsed = np.empty((4, count, n)), np.empty(state.modes.shape, kind), state.elapsed
         last, rbm_square, angle_square = np.empty((n, last_size(s))), np.empty((n, s.blades)), np.empty(n)
         fixed_square = np.empty((n, s.fixed_outputs))
@@ -562,13 +591,16 @@ def _entry(edition: int) -> Any:
                 choose(stopped, command, started[2], gained)
             wide = s.given + width * k * met
             given = np.empty((size, wide), kind)
-            components_many(command, p.effectiveness, p.flaps, cosine, sine, given, 0)
-            if p.lag_gain != 0.0:
-                components_many(started[2], p.effectiveness, p.flaps, cosine, sine, given, width)
-            components_many(started[0], p.effectiveness, p.flaps, cosine, sine, given, s.commanded)
-            components_many(started[1], p.effectiveness, p.flaps, cosine, sine, given, s.commanded + width)
+            components_many(command, p.effectiveness, s, cosine, sine, given, 0)
+            if p.lags:
+                components_many(started[2], p.effectiveness, s, cosine, sine, given, width)
+            components_many(started[0], p.effectiveness, s, cosine, sine, given, s.commanded)
+            components_many(started[1], p.effectiveness, s, cosine, sine, given, s.commanded + width)
             for j in range(k * met):
-                components_many(gained[j], p.effectiveness, p.flaps, cosine, sine, given, s.given + j * width)
+                components_many(gained[j], p.effectiveness, s, cosine, sine, given, s.given + j * width)
+            for t in range(size * met * p.pitch):
+                if stopped[:, t].any():
+                    settle(s, p.settling.ravel(), given[t])
             np.dot(given, p.push[:wide], after)
             decay_many(p.decay, before, after)
             rows = np.dot(before, p.read)

@@ -6,7 +6,7 @@ import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, BoolArray, FloatArray
 from flapgym.model.multiblade import blade_azimuths
-from flapgym.plant.actuator import TOUCH, flap_step, free_motion
+from flapgym.plant.actuator import TOUCH, Law, flap_step, free_motion
 from flapgym.plant.parameters import Episode, Loads, Parameters, State
 from flapgym.plant.telling import tell
 
@@ -20,8 +20,8 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     episode : Episode
     state : State
         Not changed.
-    actions : (n, blades F) float
-        Fractions of the acceleration limits; finite, clipped to +-1.
+    actions : (n, blades A) float
+        Fractions of the flaps' acceleration limits and of the stop of pitch; finite, clipped to +-1.
 
     Returns
     -------
@@ -40,6 +40,8 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
     modes, rows = _superposed(p, state.modes, given)
     if met.size:
         stepwise = _components(p, np.concatenate([gained, jumps])[..., met], transform[met])
+        if p.pitch:
+            _settle(p, given[met], stepwise)
         modes[met] += stepwise @ p.push[p.free :]
         rows[met] += stepwise @ p.feed[p.free :]
     at = np.minimum(state.elapsed, p.intervals - 1)
@@ -69,35 +71,39 @@ def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, A
     Parameters
     ----------
     parameters : Parameters
-    flaps : (4, blades F, n) float
+    flaps : (4, blades A, n) float
         Of the state.
-    command : (blades F, n) float
+    command : (blades A, n) float
         Accelerations [rad/s^2].
 
     Returns
     -------
-    motion : (k + 1, 2, blades F, n) float
+    motion : (k + 1, 2, blades A, n) float
         Angle and rate at samples 0 to k.
-    gained, jumps : (k, blades F, n) float
+    gained, jumps : (k, blades A, n) float
         Of rate and angle in steps 1 to k (`flapgym.plant.actuator.flap_step`), of turbines with a flap near its stop.
-    stopped : (blades F, n) bool
-        Flaps that met a stop.
+    stopped : (blades A, n) bool
+        Which met a stop.
     """
     p = parameters
     start = _acting(p, flaps, command)
-    free = free_motion(p.steps, p.time_step, p.lag_decay, p.lag_gain)
-    motion: Array = (free.reshape(-1, len(start)) @ start.reshape(len(start), -1)).reshape(
-        p.steps + 1, 2, *command.shape
-    )
+    motion = np.empty((p.steps + 1, 2, *command.shape))
+    for alike in (slice(p.all_flaps), slice(p.all_flaps, None))[: 1 + p.pitch]:
+        first = alike.start or 0
+        law = Law(p.lag_decay, float(p.lag_gain[first]), float(p.stiffness[first]), float(p.damping[first]))
+        of_these = start[:, alike]
+        free = free_motion(p.steps, p.time_step, law, p.lags) @ of_these.reshape(len(start), -1)
+        motion[:, :, alike] = free.reshape(p.steps + 1, 2, *of_these.shape[1:])
     limits = np.array([p.angle_limit, p.rate_limit])[:, :, None]
     stopped: BoolArray = np.any(np.abs(motion) > limits * (1.0 - TOUCH), axis=(0, 1))
     gained, jumps = np.zeros((2, p.steps, *command.shape))
     near = np.flatnonzero(stopped.any(axis=0))
     # Only turbines with a flap near its stop are marched; it may still miss it.
+    gain, stiffness, damping = (each[:, None] for each in (p.lag_gain, p.stiffness, p.damping))
     angle, rate, lagged = flaps[:3, :, near]
     held, met = command[:, near], np.zeros((len(command), near.size), dtype=bool)
     for sample in range(p.steps if near.size else 0):
-        acting = held + p.lag_gain * (lagged - held)
+        acting = held + gain * (lagged - held) - stiffness * angle - damping * rate
         before = rate
         angle, rate, jump, now = flap_step(
             angle, rate, acting, p.time_step, p.angle_limit[:, None], p.rate_limit[:, None]
@@ -127,15 +133,15 @@ def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tupl
 
 
 def _acting(parameters: Parameters, flaps: Array, command: Array) -> Array:
-    """What decides a motion at its start (3 or 4, blades F, n): command, if it lags what acts, angle and rate."""
-    start = np.empty((4 if parameters.lag_gain else 3, *command.shape))
+    """What decides a motion at its start (3 or 4, blades A, n): command, if it lags what acts, angle and rate."""
+    start = np.empty((4 if parameters.lags else 3, *command.shape))
     # np.stack would take as long as the products of a few turbines.
     start[0], start[1], start[-2:] = command, flaps[2], flaps[:2]
     return start
 
 
 def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Array) -> Array:
-    """Flaps of the state (4, blades F, n) after a motion."""
+    """Flaps of the state (4, blades A, n) after a motion."""
     after = np.empty_like(flaps)
     after[:2] = motion[-1]
     after[2] = command + parameters.lag_decay**parameters.steps * (flaps[2] - command)
@@ -144,12 +150,24 @@ def flaps_after(parameters: Parameters, flaps: Array, motion: Array, command: Ar
 
 
 def _components(parameters: Parameters, values: Array, transform: Array) -> Array:
-    """Components (n, m F 3) of m quantities of every flap (m, blades F, n), by the inverse of `_to_blades`."""
+    """Components (n, m A 3) of m quantities of every actuator (m, blades A, n), by the inverse of `_to_blades`."""
     p, n = parameters, values.shape[-1]
-    acting = (values * p.effectiveness[:, None]).reshape(-1, p.blades, p.flaps, n)
+    acting = values * p.effectiveness[:, None]
+    flaps = acting[:, : p.all_flaps].reshape(-1, p.blades, p.flaps, n)
+    by_blade = np.concatenate([flaps, acting[:, p.all_flaps :, None]], axis=2) if p.pitch else flaps
     # A mean, and a cosine and a sine whose squares sum to half the blades.
     scale = np.array([1.0, 2.0, 2.0])[:, None] / p.blades
-    return np.einsum("ncb,mbfn->nmfc", transform * scale, acting).reshape(n, -1)
+    return np.einsum("ncb,mbfn->nmfc", transform * scale, by_blade).reshape(n, -1)
+
+
+def _settle(parameters: Parameters, given: Array, stepwise: Array) -> None:
+    """Take from the rate that pitch gained step by step (m, 6 A k) what angle and rate at its start account for."""
+    p = parameters
+    angle, rate = (
+        given[:, p.commanded : p.free].reshape(len(given), 2, p.actuators, BLADES)[:, :, -1].swapaxes(0, 1)
+    )
+    gained = stepwise.reshape(len(given), 2 * p.steps, p.actuators, BLADES)[:, : p.steps, -1]
+    gained -= p.settling[:, :1] * angle[:, None] + p.settling[:, 1:] * rate[:, None]
 
 
 def _to_blades(azimuth: Array, blades: int) -> Array:

@@ -72,6 +72,11 @@ def simulate_together(
     Quantity("time", above=0.0).check(duration, "simulate.duration")
     for agent in agents:
         check_fit(agent, model)
+        if getattr(agent, "pitches", False) and not settings.get("pitch"):
+            raise ValueError(
+                f"agent {agent.name}: moves the blades' pitch; take an environment with pitch=True, such as "
+                "flapgym/NREL5MWPitch-v0"
+            )
     records: dict[int, Record] = {}
     # Flaps at rest are the same at any interval: they go along with whoever holds actions longest.
     others = [agent.steps_per_action for agent in agents if type(agent) is not OpenLoop]
@@ -152,6 +157,7 @@ def _simulate_group(
     )
     # Of one kind side by side, so that linear controllers can act together.
     order = sorted(range(len(agents)), key=lambda index: same_kind(agents[index]) or ())
+    shape = environment.action_space.shape or ()
     agents = [agents[index] for index in order]
     players = _players(agents, environment.observed, model, seeds, kept, settings)
     observation, first = environment.reset(seed=list(seeds) * len(agents))
@@ -159,9 +165,10 @@ def _simulate_group(
     further = tuple(name for name in (*model.blade_outputs, *model.fixed_outputs) if name not in _SAMPLES)
     for done in range(0, kept, steps):
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
-            actions = np.concatenate(
-                [player.act(observation[player.rows, player.columns], done) for player in players]
-            )
+            actions = np.zeros(shape, dtype=np.float32)  # who does not pitch leaves it where it is
+            for player in players:
+                acts = player.act(observation[player.rows, player.columns], done)
+                actions[player.rows, : acts.shape[1]] = acts
         if not np.isfinite(actions).all():
             name = agents[int(np.argmin(np.isfinite(actions).all(axis=1))) // len(seeds)].name
             raise ValueError(
@@ -225,7 +232,7 @@ def _alone(
     preview = getattr(agent, "preview", 0)
     coming = coming_wind(model, seeds, samples + preview, **settings) if preview else None
     state: Array | None = None
-    expected = (len(seeds), BLADES * len(model.flaps))
+    expected = (len(seeds), BLADES * (len(model.flaps) + getattr(agent, "pitches", False)))
 
     def act(observation: NDArray[np.float32], done: int) -> NDArray[np.float32]:
         nonlocal state

@@ -1,0 +1,214 @@
+"""Individual pitch control as the wind industry has it: an integral of tilt and yaw, beside an agent of the flaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.signal
+from numpy.typing import NDArray
+
+from flapgym.control.agent import OBSERVATION_SCALES, Agent, Floats, OpenLoop, blade_entries
+from flapgym.core.arrays import BLADES, Array
+from flapgym.core.fields import Quantity
+from flapgym.core.multiblade import to_blades, to_components
+from flapgym.model.turbine_model import TurbineModel
+from flapgym.turbine import Pitch
+
+OBSERVED = ("rbm", "azimuth")
+OWN_STATE = 6
+"""Of each of two components: two delays of the filter, and the integral."""
+NOTCH_QUALITY = 1.0
+"""Of the notch at the blade passing frequency: its centre over its width at -3 dB."""
+
+
+@dataclass(frozen=True, eq=False)
+class IndividualPitch:
+    """Pitch demands from the integrals of the tilting and the yawing component of the root moments.
+
+    The components pass a notch at three times the rotor's speed, where moments at twice and four times that speed
+    would come to. The integral does not grow beyond the stop.
+
+    Parameters
+    ----------
+    name : str
+        What tables call it.
+    gain : (2, 2) float
+        Cosine and sine component of the demand per integral of those of the moment [rad / (N m s)].
+    notch : (2, 3) float
+        Numerator and denominator of the filter, in powers of the delay by one action.
+    leak : float
+        Share of the integral that an action leaves.
+    lead : float
+        Azimuth [rad] by which the rotor turns until the middle of an action.
+    limit : float
+        Stop of pitch [rad], the demand of an action of one.
+    interval : float
+        For which an action is held [s].
+    steps_per_action : int
+        The same in plant steps.
+    beside : Agent
+        What moves the flaps; by default they rest.
+    model_hash : str or None
+        Hash of the model it was designed on.
+    """
+
+    name: str
+    gain: Array
+    notch: Array
+    leak: float
+    lead: float
+    limit: float
+    interval: float
+    steps_per_action: int
+    beside: Agent = field(default_factory=OpenLoop)
+    model_hash: str | None = None
+    pitches = True
+    """It gives three more actions than the flaps have."""
+
+    @property
+    def time_step(self) -> float:
+        """Of the plants it was made for [s]."""
+        return self.interval / self.steps_per_action
+
+    @property
+    def observe(self) -> tuple[str, ...]:
+        """What the agent of the flaps observes, then what is not among that."""
+        return (*self.beside.observe, *(name for name in OBSERVED if name not in self.beside.observe))
+
+    def predict(
+        self,
+        observation: Floats,
+        state: Array | None = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Array | None]:
+        """Action (..., 3 F + 3) and next state (..., n) for an observation."""
+        values = np.asarray(observation)
+        places, batch = self._places(values.shape[-1]), values.shape[:-1]
+        begins = np.full(batch, state is None)
+        if state is None:
+            state = np.zeros((*batch, OWN_STATE))
+        elif episode_start is not None:
+            begins = np.broadcast_to(np.reshape(episode_start, batch), batch)
+        # The flaps' agent may keep a row a blade: this one's state then stands before each of them.
+        own = state[..., :OWN_STATE].reshape(*batch, -1, OWN_STATE)[..., 0, :]
+        delays = np.where(begins[..., None], 0.0, own).reshape(*batch, 3, 2)
+        of_flaps, after_flaps = self.beside.predict(
+            values[..., : places["flaps"].stop],
+            state[..., OWN_STATE:] if state.shape[-1] > OWN_STATE else None,
+            episode_start,
+            deterministic,
+        )
+        azimuth = np.arctan2(values[..., places["azimuth"].start + 1], values[..., places["azimuth"].start])
+        moments = values[..., places["rbm"]] * OBSERVATION_SCALES["rbm"]
+        seen = to_components(moments.astype(float), azimuth.astype(float))[..., 1:]
+        # The filter in its transposed direct form: two delays of each component, then the integral.
+        numerator, denominator = self.notch
+        filtered = numerator[0] * seen + delays[..., 0, :]
+        after = np.empty_like(delays)
+        after[..., 0, :] = numerator[1] * seen - denominator[1] * filtered + delays[..., 1, :]
+        after[..., 1, :] = numerator[2] * seen - denominator[2] * filtered
+        integral = self.leak * delays[..., 2, :] + self.interval * filtered
+        demand = integral @ self.gain.T
+        # The amplitude, not a component, meets the stop: no azimuth is special.
+        amplitude = np.hypot(demand[..., 0], demand[..., 1])
+        within = np.minimum(1.0, self.limit / np.maximum(amplitude, np.finfo(float).tiny))[..., None]
+        after[..., 2, :] = integral * within
+        cyclic = np.concatenate([np.zeros((*batch, 1)), demand * within], axis=-1)
+        pitch = np.clip(to_blades(cyclic, azimuth + self.lead) / self.limit, -1.0, 1.0)
+        action = np.concatenate([of_flaps, pitch.astype(np.float32)], axis=-1)
+        after = after.reshape(*batch, OWN_STATE)
+        if after_flaps is None:
+            return action, after
+        rows = after_flaps.shape[len(batch) : -1]
+        after = np.broadcast_to(
+            after.reshape(*batch, *(1 for _ in rows), OWN_STATE), (*batch, *rows, OWN_STATE)
+        )
+        return action, np.concatenate([after, after_flaps], axis=-1)
+
+    def _places(self, size: int) -> dict[str, slice]:
+        """Where things stand in an observation of so many entries."""
+        of_flaps = sum(name.startswith("flap_") for name in self.observe)
+        others = sum(
+            2 if name == "azimuth" else BLADES for name in self.observe if not name.startswith("flap_")
+        )
+        flaps = (size - others) // (BLADES * of_flaps) if of_flaps else 1
+        found, first = {}, 0
+        for name in self.observe:
+            wide = 2 if name == "azimuth" else BLADES * blade_entries((name,), flaps)
+            found[name] = slice(first, first + wide)
+            first += wide
+        if size != first:
+            raise ValueError(
+                f"agent {self.name}: expected {first} observations ({', '.join(self.observe)}), got {size}"
+            )
+        found["flaps"] = slice(0, found[self.beside.observe[-1]].stop)
+        return found
+
+
+def individual_pitch_agent(
+    name: str,
+    model: TurbineModel,
+    crossover: float,
+    flaps: Agent | None = None,
+    forgetting: float = 200.0,
+) -> IndividualPitch:
+    """Individual pitch control by the static effect of cyclic pitch on the model's turbine.
+
+    Parameters
+    ----------
+    name : str
+    model : TurbineModel
+        With pitch as an input.
+    crossover : float
+        Of the integral in tilt and yaw [rad/s].
+    flaps : Agent, optional
+        What moves the flaps, whose actions are held as long; by default they rest.
+    forgetting : float
+        Time in which the integral forgets [s].
+
+    Raises
+    ------
+    ValueError
+        If the model has no such input.
+    """
+    Quantity("angular rate", above=0.0).check(crossover, "individual_pitch.crossover")
+    Quantity("time", above=0.0).check(forgetting, "individual_pitch.forgetting")
+    if model.pitch_actuator is None:
+        raise ValueError(
+            f"individual_pitch: expected a model with pitch as an input, such as nrel5mw-site, got {model.name}"
+        )
+    flaps = OpenLoop() if flaps is None else flaps
+    steps = 5 if isinstance(flaps, OpenLoop) else flaps.steps_per_action
+    interval = steps * model.time_step
+    passing = BLADES * model.rotor_speed / (2.0 * np.pi)
+    return IndividualPitch(
+        name,
+        gain=-crossover * np.asarray(np.linalg.inv(cyclic_gain(model, model.pitch_actuator)), dtype=float),
+        notch=np.array(scipy.signal.iirnotch(passing, NOTCH_QUALITY, 1.0 / interval)),
+        leak=float(np.exp(-interval / forgetting)),
+        lead=0.5 * interval * model.rotor_speed,
+        limit=model.pitch_actuator.angle_limit,
+        interval=interval,
+        steps_per_action=steps,
+        beside=flaps,
+        model_hash=model.hash,
+    )
+
+
+def cyclic_gain(model: TurbineModel, actuator: Pitch) -> Array:
+    """Cosine and sine component of the root moments per steady one of the demands, (2, 2) [N m / rad].
+
+    Each blade's actuator meets a demand at the rotor's frequency, which it follows late.
+    """
+    w, turn = 2.0 * np.pi * actuator.natural_frequency, model.rotor_speed
+    follows = w**2 / (w**2 - turn**2 + 2j * actuator.damping * w * turn)
+    # Of a blade at azimuth theta, cos theta and sin theta are the real part of these times exp(i theta).
+    demand = np.array([1.0, -1j]) * follows
+    motion = [demand, 1j * turn * demand, -(turn**2) * demand]
+    inputs = np.concatenate([[phasor.real, -phasor.imag] for phasor in motion])
+    kinds = ("angle", "rate", "acceleration")
+    names = [f"pitch_{kind}_{part}" for kind in kinds for part in "cs"]
+    response = model.turbine.select(names, ["rbm_c", "rbm_s"]).frequency_response(np.zeros(1))[0].real
+    return np.asarray(response @ inputs)

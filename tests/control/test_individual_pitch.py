@@ -1,0 +1,84 @@
+"""Individual pitch control: its gain is the plant's, it takes off what turns with the rotor, whatever the flaps do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flapgym.control import OpenLoop, load_agent
+from flapgym.control.individual_pitch import cyclic_gain, individual_pitch_agent
+from flapgym.core.multiblade import to_blades, to_components
+from flapgym.evaluation.simulate import simulate, simulate_together
+from flapgym.model import load_model
+from tests.plant.plants import plant_of, rest
+
+SHEAR = {"wind": {"inflow": {"shear_exponent": 0.2}, "turbulence_intensity": 0.0}, "pitch": True}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_model("nrel5mw-site")
+
+
+def test_the_gain_is_what_the_plant_comes_to_under_a_cyclic_demand(model):
+    plant, actions = plant_of(1, 1, 12000, model, record=False, pitch=True), 12000
+    turn = model.rotor_speed * model.time_step
+    # Held from sample to sample, so half a step late.
+    demand = to_blades(np.array([[0.0, 0.3, -0.2]]), np.zeros(1))
+    plant.reset(np.arange(1), rest(plant))
+    seen = np.empty((actions, 3))
+    for n in range(actions):
+        demand = to_blades(np.array([[0.0, 0.3, -0.2]]), turn * (n + np.array([0.5])))
+        told = plant.step(np.concatenate([np.zeros((1, 3)), demand], axis=1)).last
+        seen[n] = to_components(told[0, plant.quantities.last["rbm"]], turn * (n + 1))
+    expected = cyclic_gain(model, model.pitch_actuator) @ [0.3, -0.2] * model.pitch_actuator.angle_limit
+    # Over the last whole turns: the tower still rings.
+    np.testing.assert_allclose(seen[-7344:, 1:].mean(axis=0), expected, rtol=3e-3)
+
+
+def test_in_shear_alone_the_moment_once_a_turn_goes(model):
+    """An integral leaves no steady tilt and yaw, but for what it forgets."""
+    crossover, forgetting = 0.3, 200.0
+    agent = individual_pitch_agent("pitch", model, crossover, forgetting=forgetting)
+    still, steered = (simulate(each, model, [0], 150.0, **SHEAR) for each in (OpenLoop(), agent))
+
+    def cyclic(record):
+        turn = model.rotor_speed * model.time_step
+        azimuth = record.azimuth[0] + turn * np.arange(1, record.rbm.shape[1] + 1)
+        return np.hypot(*to_components(record.rbm[0], azimuth)[-3672:, 1:].mean(axis=0))
+
+    assert cyclic(steered) / cyclic(still) == pytest.approx(1.0 / (1.0 + crossover * forgetting), rel=0.05)
+
+
+def test_the_same_agent_in_a_batch_and_alone_acts_alike(model):
+    agent = individual_pitch_agent("pitch", model, 0.3, load_agent("lqg", model))
+    rng = np.random.default_rng(0)
+    size = 3 + 3 + 3 + 2
+    observations = rng.uniform(-1.0, 1.0, (4, 2, size)).astype(np.float32)
+    batch, alone = None, [None, None]
+    for n, observation in enumerate(observations):
+        start = np.array([n == 0, n in (0, 2)])
+        actions, batch = agent.predict(observation, batch, start)
+        for row in range(2):
+            action, alone[row] = agent.predict(observation[row], None if start[row] else alone[row])
+            np.testing.assert_allclose(actions[row], action, atol=1e-6)
+
+
+def test_the_flaps_agent_acts_as_it_does_alone_where_pitch_stays(model):
+    """With next to no crossover pitch does nothing, and the flaps' part of the record is theirs alone."""
+    lqg = load_agent("lqg", model)
+    both = individual_pitch_agent("both", model, 1e-12, lqg)
+    first, second = simulate_together([lqg, both], model, [1], 10.0, pitch=True)
+    np.testing.assert_allclose(second.rbm, first.rbm, atol=1.0)
+
+
+def test_it_is_refused_where_pitch_stays(model):
+    with pytest.raises(
+        ValueError, match=r"^agent pitch: moves the blades' pitch; take an environment with pitch=True"
+    ):
+        simulate(individual_pitch_agent("pitch", model, 0.3), model, [0], 1.0)
+
+
+def test_a_model_without_pitch_is_refused():
+    with pytest.raises(ValueError, match=r"^individual_pitch: expected a model with pitch as an input"):
+        individual_pitch_agent("pitch", load_model("nrel5mw-corrected"), 0.3)

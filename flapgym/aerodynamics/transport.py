@@ -171,30 +171,37 @@ def travelling_displacement(velocity: ArrayLike, time_step: float, rows: int) ->
 
 
 def adapting_wake_response(
-    aero: Aerodynamics, circulation: ArrayLike, downwash: ArrayLike, load: ArrayLike, slowing: float
+    aero: Aerodynamics,
+    circulation: ArrayLike,
+    signal: ArrayLike,
+    downwash: ArrayLike,
+    load: ArrayLike,
+    slowing: float,
 ) -> Array:
-    """Loads (T, ny) in time, from rest, after a step of steady downwash, in a wake that the loads themselves slow.
+    """Loads (T, ny) in time, from rest, under downwash that follows a signal, in a wake that the loads themselves slow.
 
     What slows a row is the induction of the vortices around it, which were shed with it and travel along: it keeps the
-    velocity with which it was shed. Linear, about a steady circulation. T are the steps in which the wake is renewed.
+    velocity with which it was shed. Linear, about a steady circulation.
 
     Parameters
     ----------
     circulation : (strips,) float
         Mean circulation that each strip sheds [m^2/s].
+    signal : (T,) float
+        Of the downwash at every time step.
     downwash : (n,) float
-        On every blade, from the first step on [m/s].
+        On every blade, per unit of the signal [m/s].
     load : (ny, 3 P) float
         As in `collective_response`.
     slowing : float
         By how much a unit of the first load slows the air that is being shed [m/s].
     """
-    step = np.ones((aero.wake_rows, 1))
-    still = collective_response(aero, step, np.asarray(downwash, dtype=float)[:, None], load)
-    carried = travelling_displacement(step[:, 0], aero.time_step, aero.wake_rows)
+    signal, downwash = np.asarray(signal, dtype=float), np.asarray(downwash, dtype=float)
+    still = collective_response(aero, signal[:, None], downwash[:, None], load)
+    carried = travelling_displacement(np.ones(len(signal)), aero.time_step, aero.wake_rows)
     moved = carried @ displaced_wake_downwash(aero, circulation).T
     by_step = collective_response(aero, moved, np.eye(moved.shape[1]), load)
-    impulse = np.diff(by_step, axis=0, prepend=0.0)  # of rows shed faster in one step alone
+    impulse = np.diff(by_step, axis=0, prepend=0.0)  # of rows that one step alone sheds faster
     # The first load follows from its own past: f = still - slowing (impulse * f), a convolution.
     feedback = slowing * impulse[:, 0]
     feedback[0] += 1.0
@@ -286,7 +293,7 @@ def pitch_transport(
     wake_length: float = 2.0,
     panels: int = 3,
 ) -> WakeState:
-    """Velocity that the rotor meets as its wake gives way to collective pitch: gain x, x following the pitch with a lag.
+    """Velocity that the rotor meets as its wake gives way to collective pitch: gain x, x the pitch behind a lag.
 
     The gain is in m/s per radian; the velocity acts as a gust does that strikes the blades alone. The rigid rotor is
     marched with a long wake, as slow as the mean flow's, until it has been renewed. Momentum theory, C_T = 4 a (1 - a),
@@ -309,8 +316,11 @@ def pitch_transport(
     step, steps = fixed.discretisation.time_step, np.ones(long.wake_rows)
     area = np.pi * case.turbine.rotor.radius**2
     per_thrust = momentum_slope(flow.loads.thrust_coefficient) / (0.5 * long.air_density * wind**2 * area)
-    loads = np.concatenate([thrust_load(long), root_moment_load(long, adapting)])
-    wanted = adapting_wake_response(long, flow.shed, pitch_downwash(long), loads, slowing=wind * per_thrust)
+    loads, pitched = (
+        np.concatenate([thrust_load(long), root_moment_load(long, adapting)]),
+        pitch_downwash(long),
+    )
+    wanted = adapting_wake_response(long, flow.shed, steps, pitched, loads, slowing=wind * per_thrust)
     struck = np.column_stack([pitch_downwash(short), gust_downwash(short).sum(axis=1)])
     given, felt = collective_responses(short, steps, struck, root_moment_load(short, fixed)).T
     return fitted_state(given, wanted[:, 1], step, len(long.force), felt)

@@ -22,6 +22,7 @@ from flapgym.aerodynamics import (
     flap_downwash,
     gust_downwash,
     moving_wake_response,
+    pitch_transport,
     rigid_rotor,
     root_moment_load,
     steady_circulation,
@@ -31,7 +32,12 @@ from flapgym.aerodynamics.biot_savart import ring_influence
 from flapgym.aerodynamics.lattice import SHED_AGE, rotation_about_x, wake_nodes
 from flapgym.aerodynamics.rotor import zero_lift_angles
 from flapgym.aerodynamics.steady import incidence_downwash
-from flapgym.aerodynamics.transport import displaced_wake_downwash, fitted_state, march_case
+from flapgym.aerodynamics.transport import (
+    displaced_wake_downwash,
+    fitted_state,
+    march_case,
+    travelling_displacement,
+)
 from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_picture
 from flapgym.core.units import DEGREE
@@ -218,8 +224,7 @@ def share_table(case: Case, circulation: Array) -> None:
     """The state that each kind of step calls for, by root moment or thrust."""
     short, long = march_case(case, case.discretisation.wake_length), march_case(case, 2.0)
     fixed, aero = build_aerodynamics(short), build_aerodynamics(long)
-    time = aero.time_step * np.arange(aero.wake_rows, dtype=float)
-    wind, n = np.ones(len(time)), len(aero.normal)
+    wind, n = np.ones(aero.wake_rows), len(aero.normal)
     gust, flap = gust_downwash(fixed).sum(axis=1), flap_downwash(fixed, case.flaps[0])[0]
     moment, thrust = root_moment_load(aero, long), np.tile([[1.0, 0.0, 0.0]], len(aero.force_point))
 
@@ -227,8 +232,8 @@ def share_table(case: Case, circulation: Array) -> None:
         return collective_response(lattice, wind[:, None], downwash[:, None], load)[:, 0]
 
     # A parcel of air that keeps its gust carries the row shed into it; rows shed before the gust keep their way.
-    age = aero.wake_age
-    moved = np.where(age <= time[:, None], age, 0.0) @ displaced_wake_downwash(aero, circulation).T
+    carried = travelling_displacement(wind, aero.time_step, aero.wake_rows)
+    moved = carried @ displaced_wake_downwash(aero, circulation).T
     kept = collective_response(aero, gust + moved, np.eye(n), moment)[:, 0]
     steps = {
         "wind": (still(fixed, gust, moment), moving_wake_response(aero, circulation, wind, moment)[:, 0]),
@@ -244,6 +249,17 @@ def share_table(case: Case, circulation: Array) -> None:
         for name, (given, wanted) in steps.items()
     ]
     table("The state, by what steps", ["step of", *STATE], rows)
+
+
+def pitch_table(case: Case) -> None:
+    """The state of collective pitch by the march's size."""
+    flow = rigid_rotor(march_case(case, case.discretisation.wake_length)).flow
+    rows = []
+    for panels, length in ((3, 2.0), (6, 2.0), (3, 1.0), (3, 3.0)):
+        found = pitch_transport(case, flow, wake_length=length, panels=panels)
+        per_degree = replace(found, gain=found.gain * DEGREE)
+        rows.append(state_row(f"{panels} panels, {length:g} D", per_degree))
+    table("The state of pitch, by size of the march", ["march", "gain [m/s per deg]", *STATE[1:]], rows)
 
 
 def draw(time: Array, wakes: dict[str, Array], rigid: dict[str, Array], path: Path) -> None:
@@ -284,6 +300,7 @@ def main() -> None:
     step_table("The rigid rotor, one term after the other (over the free wake's)", time, rigid)
     state_table(case, circulation)
     share_table(case, circulation)
+    pitch_table(case)
     # Not linearised in its wake's place, but of flat plates: the march knows no other slope.
     moment, linear = marched(with_loads(case, lift_slope="thin aerofoil"), 2.0, 1.0)
     apart = np.abs(moment - linear).max() / linear[-1]

@@ -23,7 +23,13 @@ from flapgym.aerodynamics.response import (
 from flapgym.aerodynamics.rigid import RigidRotor, rigid_rotor
 from flapgym.aerodynamics.rotor import build_aerodynamics, build_mean_aerodynamics, root_moment_load
 from flapgym.aerodynamics.steady import MeanLoads, mean_loads, momentum_induction
-from flapgym.aerodynamics.transport import WakeState, WakeTransport, moving_wake_response, wake_transport
+from flapgym.aerodynamics.transport import (
+    WakeState,
+    WakeTransport,
+    moving_wake_response,
+    pitch_transport,
+    wake_transport,
+)
 
 __all__ = [
     "Aerodynamics",
@@ -51,6 +57,7 @@ __all__ = [
     "mean_loads",
     "momentum_induction",
     "moving_wake_response",
+    "pitch_transport",
     "rigid_rotor",
     "root_moment_load",
     "steady_circulation",

@@ -206,3 +206,10 @@ def root_moment_load(aero: Aerodynamics, case: Case) -> Array:
     arm = aero.force_point - root
     # (arm x F) . e_y = arm_z F_x - arm_x F_z
     return np.asarray(np.stack([arm[:, 2], np.zeros(arm.shape[0]), -arm[:, 0]], axis=-1).reshape(1, -1))
+
+
+def thrust_load(aero: Aerodynamics) -> Array:
+    """Row (1, 3 P) that sums forces, alike on all blades, to the rotor's thrust [N / N]."""
+    along_shaft = np.zeros((len(aero.force_point), 3))
+    along_shaft[:, 0] = aero.blades
+    return along_shaft.reshape(1, -1)

@@ -33,6 +33,15 @@ def incidence_downwash(aero: Aerodynamics, zero_lift_angle: Array) -> Array:
     return np.asarray(np.einsum("ni,ni->n", aero.relative_velocity, aero.normal) + camber.ravel())
 
 
+def pitch_downwash(aero: Aerodynamics) -> Array:
+    """Downwash (n,) [m/s] per radian by which straight blades are pitched, their leading edges upwind.
+
+    A chord that is turned away from the wind meets the air as if its section had no lift at so much larger an angle.
+    """
+    angle = np.ones(aero.lattice.strips)
+    return incidence_downwash(aero, angle) - incidence_downwash(aero, np.zeros_like(angle))
+
+
 def induced_velocity_at(aero: Aerodynamics, point: Array, circulation: Array) -> Array:
     """Velocity (m, 3) [m/s] at points (m, 3) of all blades' bound rings and wakes, all blades carrying (n,) [m^2/s]."""
     bound = circulation.reshape(aero.lattice.chordwise, -1)
@@ -148,6 +157,13 @@ def momentum_induction(thrust_coefficient: float) -> float:
     if thrust_coefficient < 0.96:
         return float(0.5 * (1.0 - np.sqrt(1.0 - max(thrust_coefficient, 0.0))))
     return float((2.0 + 3.0 * np.sqrt(14.0 * thrust_coefficient - 12.0)) / 14.0)
+
+
+def momentum_slope(thrust_coefficient: float) -> float:
+    """Change of that induction per change of a positive thrust coefficient."""
+    if thrust_coefficient < 0.96:
+        return float(0.25 / np.sqrt(1.0 - thrust_coefficient))
+    return float(1.5 / np.sqrt(14.0 * thrust_coefficient - 12.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,12 @@
-"""The wake's answer to slow wind: a wake that moves with the wind, and the one state that stands for it.
+"""The wake's answer to slow inputs: a wake that moves, and the states that stand for it.
 
 The lattice's wake keeps to a fixed helix, cut a quarter diameter behind the rotor. When the wind rises a real wake
 moves faster: the vortices of the mean circulation stand farther apart and induce less, which the fixed helix leaves
 out; the rest of a long wake induces more, which the cut leaves out. Here a long wake that moves is linearised in how
 far its rows are displaced, and what it has over the short one becomes one state on the wind.
+
+Pitch changes the whole rotor's thrust and with it the induction that slows the wake: less thrust, a faster wake, which
+induces less still. That, too, becomes one state, which stands for the velocity that the rotor then meets.
 """
 
 from __future__ import annotations
@@ -14,13 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 
 from flapgym.aerodynamics.biot_savart import ring_influence
 from flapgym.aerodynamics.downwash import flap_downwash, gust_downwash
 from flapgym.aerodynamics.lattice import wake_ages, wake_nodes
+from flapgym.aerodynamics.linearisation import MeanFlow
 from flapgym.aerodynamics.model import Aerodynamics, blade_turns
 from flapgym.aerodynamics.response import collective_response
-from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load, wake_rows
+from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load, thrust_load, wake_rows
+from flapgym.aerodynamics.steady import momentum_slope, pitch_downwash
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace
 from flapgym.turbine import Case
@@ -152,6 +158,57 @@ def moving_wake_response(
     return collective_response(aero, downwash, np.eye(downwash.shape[1]), load)
 
 
+def travelling_displacement(velocity: ArrayLike, time_step: float, rows: int) -> Array:
+    """How far each row of corners has been carried, (T, rows + 1) [m], that keeps the velocity it was shed with.
+
+    ``velocity`` (T,) [m/s], none before.
+    """
+    velocity, age = np.asarray(velocity, dtype=float), wake_ages(time_step, rows)
+    time = np.arange(len(velocity)) * time_step
+    # A step before the first the air still had none: between the two it rises like between all others.
+    sampled = np.append(-time_step, time), np.append(0.0, velocity)
+    return np.asarray(age * np.interp(time[:, None] - age, *sampled))
+
+
+def adapting_wake_response(
+    aero: Aerodynamics,
+    circulation: ArrayLike,
+    signal: ArrayLike,
+    downwash: ArrayLike,
+    load: ArrayLike,
+    slowing: float,
+) -> Array:
+    """Loads (T, ny) in time, from rest, under downwash that follows a signal, in a wake that the loads themselves slow.
+
+    What slows a row is the induction of the vortices around it, which were shed with it and travel along: it keeps the
+    velocity with which it was shed. Linear, about a steady circulation.
+
+    Parameters
+    ----------
+    circulation : (strips,) float
+        Mean circulation that each strip sheds [m^2/s].
+    signal : (T,) float
+        Of the downwash at every time step.
+    downwash : (n,) float
+        On every blade, per unit of the signal [m/s].
+    load : (ny, 3 P) float
+        As in `collective_response`.
+    slowing : float
+        By how much a unit of the first load slows the air that is being shed [m/s].
+    """
+    signal, downwash = np.asarray(signal, dtype=float), np.asarray(downwash, dtype=float)
+    still = collective_response(aero, signal[:, None], downwash[:, None], load)
+    carried = travelling_displacement(np.ones(len(signal)), aero.time_step, aero.wake_rows)
+    moved = carried @ displaced_wake_downwash(aero, circulation).T
+    by_step = collective_response(aero, moved, np.eye(moved.shape[1]), load)
+    impulse = np.diff(by_step, axis=0, prepend=0.0)  # of rows that one step alone sheds faster
+    # The first load follows from its own past: f = still - slowing (impulse * f), a convolution.
+    feedback = slowing * impulse[:, 0]
+    feedback[0] += 1.0
+    velocity = -slowing * lfilter([1.0], feedback, still[:, 0])
+    return np.asarray(still + np.stack([lfilter(each, [1.0], velocity) for each in impulse.T], axis=-1))
+
+
 def march_case(case: Case, wake_length: float, panels: int = 3) -> Case:
     """The case with a wake of another length and, at the same ratio of row to panel, no more than so many panels."""
     grid = case.discretisation
@@ -161,14 +218,20 @@ def march_case(case: Case, wake_length: float, panels: int = 3) -> Case:
     return replace(case, discretisation=coarse)
 
 
-def fitted_state(given: Array, wanted: Array, time_step: float, first: int) -> WakeState:
-    """The state before a system of step response `given` (T,) that comes nearest to `wanted` from step `first` on."""
+def fitted_state(
+    given: Array, wanted: Array, time_step: float, first: int, felt: Array | None = None
+) -> WakeState:
+    """The state before a system of step response `given` (T,) that comes nearest to `wanted` from step `first` on.
+
+    The state's own step is felt as `felt` (T,) where it does not come in by the same input.
+    """
     missing = (wanted - given)[first:]
+    through = given if felt is None else felt
 
     def fit(log_time: float) -> tuple[float, Array]:
         """Best gain at a time constant, and the error left."""
         lag = WakeState(1.0, float(np.exp(log_time)), 0.0).state_space(time_step, "input")
-        lagged = (lag.simulate(given[:, None])[:, 0] - given)[first:]
+        lagged = (lag.simulate(through[:, None])[:, 0] - through)[first:]
         gain = float(lagged @ missing / (lagged @ lagged))
         return gain, missing - gain * lagged
 
@@ -221,6 +284,46 @@ def wake_transport(
             fitted_state(cut, whole, step, first) for cut, whole in zip(given.T[1:], held.T, strict=True)
         ),
     )
+
+
+def pitch_transport(
+    case: Case,
+    flow: MeanFlow,
+    *,
+    wake_length: float = 2.0,
+    panels: int = 3,
+) -> WakeState:
+    """Velocity that the rotor meets as its wake gives way to collective pitch: gain x, x the pitch behind a lag.
+
+    The gain is in m/s per radian; the velocity acts as a gust does that strikes the blades alone. The rigid rotor is
+    marched with a long wake, as slow as the mean flow's, until it has been renewed. Momentum theory, C_T = 4 a (1 - a),
+    tells the induction that goes with a change of thrust. Gain and time constant are those with which the case's own
+    wake comes nearest in the root moment after a step of pitch, in least squares.
+
+    Parameters
+    ----------
+    case : Case
+    flow : MeanFlow
+        The steady state whose wake it is.
+    wake_length, panels
+        As for `wake_transport`.
+    """
+    wind, own = flow.aero.inflow.velocity[0], case.discretisation.wake_length
+    slow = replace(case.discretisation, induction=float(1.0 - flow.aero.inflow.wake_velocity[0] / wind))
+    adapting = march_case(replace(case, discretisation=slow), max(wake_length, own), panels)
+    fixed = march_case(case, own, panels)
+    long, short = (build_aerodynamics(each) for each in (adapting, fixed))
+    step, steps = fixed.discretisation.time_step, np.ones(long.wake_rows)
+    area = np.pi * case.turbine.rotor.radius**2
+    per_thrust = momentum_slope(flow.loads.thrust_coefficient) / (0.5 * long.air_density * wind**2 * area)
+    loads, pitched = (
+        np.concatenate([thrust_load(long), root_moment_load(long, adapting)]),
+        pitch_downwash(long),
+    )
+    wanted = adapting_wake_response(long, flow.shed, steps, pitched, loads, slowing=wind * per_thrust)
+    struck = np.column_stack([pitch_downwash(short), gust_downwash(short).sum(axis=1)])
+    given, felt = collective_responses(short, steps, struck, root_moment_load(short, fixed)).T
+    return fitted_state(given, wanted[:, 1], step, len(long.force), felt)
 
 
 def collective_responses(aero: Aerodynamics, signal: Array, downwash: Array, load: Array) -> Array:

@@ -10,7 +10,7 @@ import scipy
 import scipy.linalg
 
 from flapgym import __version__
-from flapgym.aerodynamics import Aerodynamics, MeanFlow, wake_transport
+from flapgym.aerodynamics import Aerodynamics, MeanFlow, pitch_transport, wake_transport
 from flapgym.aerodynamics.rotor import root_moment_shares
 from flapgym.aeroelastic.blade_lattice import (
     blade_lattice,
@@ -185,8 +185,8 @@ def assemble_parts(case: Case) -> tuple[Parts, Aerodynamics]:
 def slow_wake(parts: Parts) -> StateSpace:
     """The turbine's inputs as its lattice feels them: wind and collective flaps behind the states of a moving wake.
 
-    Winds by strip have the homogeneous one's state together. Each input is as it is, without states, where the case
-    keeps to its frozen wake.
+    Winds by strip have the homogeneous one's state together. To the wind is added what collective pitch makes of the
+    wake. Each input is as it is, without states, where the case keeps to its frozen wake.
     """
     case, inputs = parts.case, parts.inputs
     dt, eye = case.discretisation.time_step, np.eye(len(inputs))
@@ -199,8 +199,12 @@ def slow_wake(parts: Parts) -> StateSpace:
     angles = [f"{name}_angle_0" for name in flap_names(len(case.flaps))]
     states = [found.wind.state_space(dt, "wind")]
     states += [flap.state_space(dt, angle) for flap, angle in zip(found.flaps, angles, strict=True)]
-    place = eye[:, [inputs.index(state.inputs[0]) for state in states]]
-    effective = place.T.copy()
+    felt_as = ["wind", *angles]
+    if case.signals.pitch:
+        states.append(pitch_transport(case, parts.flow).state_space(dt, "pitch_angle_0"))
+        felt_as.append("wind")
+    place = eye[:, [inputs.index(name) for name in felt_as]]
+    effective = eye[[inputs.index(state.inputs[0]) for state in states]]
     if parts.strips:
         # The wake moves as a whole, by what the strips' winds do to the root moment that its state was fitted to.
         effective[0, [inputs.index(f"wind{j}_0") for j in range(1, parts.strips + 1)]] = root_moment_shares(

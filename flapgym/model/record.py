@@ -49,7 +49,12 @@ def readings(case: Case) -> tuple[str, ...]:
         "root moment about the in-plane axis of the coned, untwisted blade; tip deflection normal to the coned blade",
         *(
             (
-                "pitch turns the bent blade rigidly, mean induced velocities along with it; it has no slow wake state",
+                "pitch turns the bent blade rigidly, mean induced velocities along with it"
+                + (
+                    "; it has no slow wake state"
+                    if loads.slow_wake == "frozen"
+                    else "; collective pitch has a state for a longer wake, whose induction follows the thrust"
+                ),
             )
             if case.signals.pitch
             else ()

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import flapgym.aerodynamics.steady as steady_loads
+from flapgym.aerodynamics import pitch_transport
 from flapgym.aerodynamics.response import steady_response
 from flapgym.aeroelastic.blade_lattice import BladeLattice
-from flapgym.aeroelastic.build import assemble_parts, build_model
+from flapgym.aeroelastic.build import assemble_parts, build_model, slow_wake
 from flapgym.aeroelastic.equations import Parts, turbine_equations
 from flapgym.aeroelastic.trim import trim
 from flapgym.model import load_model, pitch_inputs, save_model
@@ -17,7 +19,7 @@ from flapgym.structure.beam import internal_force
 from flapgym.structure.blade import blade_beam
 from flapgym.structure.inertia import distribution
 from flapgym.structure.rotation import about_x, rotation_matrix
-from flapgym.turbine import Pitch, Signals, load_case
+from flapgym.turbine import Case, Pitch, Signals, load_case
 from tests.aeroelastic.test_signals import small
 
 CASE = load_case("nrel5mw-rated")
@@ -149,10 +151,8 @@ def with_air(linearisation="full"):
     )
 
 
-@pytest.fixture(scope="module")
-def steady():
-    """Static outputs per radian of collective pitch with every circulation, and the same from trims at two pitches."""
-    case, h = with_air(), 2e-3
+def static(case):
+    """Static outputs per radian of collective pitch with every circulation, and with the states of a moving wake."""
     parts, rotor = assemble_parts(case)
     equations, lattice = turbine_equations(parts), parts.lattice
     one = steady_response(rotor, lattice.downwash, lattice.load, lattice.full)
@@ -160,10 +160,15 @@ def steady():
     loads[: one.shape[0], : one.shape[1]] = one
     structure, asks, read = equations.structure, equations.lattice_input, equations.output
     column = equations.inputs.index("pitch_angle_0")
-    asked = asks.exogenous[:, column]
+    asked = asks.exogenous @ slow_wake(parts).dc_gain()[:, column]
     stiffness = structure.stiffness - structure.work @ loads @ asks.position
     d = np.linalg.solve(stiffness, structure.work @ loads @ asked + equations.forcing[:, column])
     y = read.position @ d + read.load @ loads @ (asks.position @ d + asked) + read.direct[:, column]
+    return told(equations, y)
+
+
+def between_trims(case, half):
+    """The same per radian from trims at two pitches, half the way to either side."""
 
     def at(pitch):
         blade = trim(replace(case, operating_point=replace(case.operating_point, pitch=pitch))).blade
@@ -174,8 +179,16 @@ def steady():
         }
         return moments | tip | {"rotor_thrust": 3.0 * blade.on_hub[0], "shaft_torque": 3.0 * blade.on_hub[3]}
 
-    ahead, behind = at(h), at(-h)
-    return told(equations, y), {name: (ahead[name] - behind[name]) / (2.0 * h) for name in ahead}
+    ahead, behind = at(half), at(-half)
+    return {name: (ahead[name] - behind[name]) / (2.0 * half) for name in ahead}
+
+
+@pytest.fixture(scope="module")
+def steady():
+    """The fixed wake's static outputs per radian of collective pitch, and those between trims with the same wake."""
+    case = with_air()
+    case = replace(case, airloads=replace(case.airloads, slow_wake="frozen"))
+    return static(case), between_trims(case, 2e-3)
 
 
 @pytest.mark.parametrize(
@@ -195,6 +208,57 @@ def test_static_loads_are_those_between_trims_at_two_pitches_but_for_induced_vel
     assert ours[name] == pytest.approx(trimmed[name], rel=within)
 
 
+@pytest.fixture(scope="module")
+def adapted():
+    """The corrected turbine's static outputs per radian, few panels along the chord, its wake that of the model."""
+    case = with_air()
+    own, grid = load_case("nrel5mw-corrected"), case.discretisation
+    return replace(
+        case,
+        airloads=own.airloads,
+        discretisation=replace(grid, wake_length=own.discretisation.wake_length),
+        reduction=own.reduction,
+    )
+
+
+@pytest.fixture(scope="module")
+def slow(adapted):
+    return static(adapted)
+
+
+@pytest.fixture(scope="module")
+def retrimmed(adapted):
+    """Between trims half a degree to either side, the induction of two diameters of wake settled by their thrust."""
+    return between_trims(adapted, np.radians(0.5))
+
+
+@pytest.fixture(scope="module")
+def retrimmed_without_change_of_drag(adapted):
+    """The same with the sections' coefficients of drag and moment held, as the perturbations hold them."""
+    balance = trim(adapted)
+    held = steady_loads.sections(adapted, balance.mean, balance.loads.circulation)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(steady_loads, "sections", lambda *_: held)
+        return between_trims(adapted, np.radians(0.5))
+
+
+@pytest.mark.parametrize("name", ["rbm_0", "rotor_thrust"])
+def test_pitch_held_for_long_has_the_loads_of_trims_whose_wake_follows_the_thrust(slow, retrimmed, name):
+    assert slow[name] == pytest.approx(retrimmed[name], rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["rbm_0", "rotor_thrust", "rbm_edge_0", "shaft_torque"])
+def test_in_plane_loads_of_such_trims_follow_but_for_the_sections_drag(
+    slow, retrimmed_without_change_of_drag, name
+):
+    assert slow[name] == pytest.approx(retrimmed_without_change_of_drag[name], rel=0.05)
+
+
+def test_shipped_model_has_the_moment_of_such_trims(retrimmed):
+    turbine = load_model("nrel5mw-site").turbine.select(inputs=["pitch_angle_0"], outputs=["rbm_0"])
+    assert turbine.dc_gain().item() == pytest.approx(retrimmed["rbm_0"], rel=0.05)
+
+
 def test_leading_edge_upwind_takes_load_off_the_blades(steady):
     ours, _ = steady
     assert max(ours[name] for name in ("rbm_0", "rotor_thrust", "shaft_torque", "tip_deflection_0")) < 0.0
@@ -206,20 +270,56 @@ def model():
     return build_model(replace(case, signals=replace(case.signals, pitch=True), pitch=ACTUATOR))
 
 
-def test_pitch_costs_no_state_and_leaves_all_else_as_it_is(model, tmp_path):
+def test_pitch_costs_one_slow_state_and_leaves_all_else_as_it_is(model, tmp_path):
     plain, ours = build_model(small(outputs=("rbm_edge",))).turbine, model.turbine
     assert ours.inputs == (*plain.inputs, *pitch_inputs())
-    for matrix in ("A", "C"):
-        np.testing.assert_array_equal(getattr(ours, matrix), getattr(plain, matrix))
-    for matrix in ("B", "D"):
-        np.testing.assert_allclose(
-            getattr(ours, matrix)[:, :-9], getattr(plain, matrix), rtol=1e-12, atol=1e-9
-        )
+    assert ours.order == plain.order + 1
+    frequency = np.geomspace(1e-3, 5.0, 12)
+    given, wanted = ours.frequency_response(frequency)[:, :, :-9], plain.frequency_response(frequency)
+    np.testing.assert_allclose(given, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
     save_model(model, tmp_path / "pitched.safetensors")
     read = load_model(tmp_path / "pitched.safetensors")
     assert read.turbine.inputs == ours.inputs
     assert read.pitch_actuator == model.pitch_actuator == ACTUATOR
     assert load_model().pitch_actuator is None
+
+
+@pytest.fixture(scope="module")
+def frozen():
+    """The model's twin whose wake stays as it is."""
+    case = small(outputs=("rbm_edge",))
+    return build_model(
+        replace(
+            case,
+            airloads=replace(case.airloads, slow_wake="frozen"),
+            signals=replace(case.signals, pitch=True),
+            pitch=ACTUATOR,
+        )
+    )
+
+
+def pitched(model, frequency):
+    """Response (nf, ny) of a model to its collective pitch."""
+    return model.turbine.select(inputs=["pitch_angle_0"]).frequency_response(frequency)[:, :, 0]
+
+
+def test_what_pitch_makes_of_the_wake_is_felt_as_wind_behind_a_lag(model, frozen):
+    """The two models' difference, by the lag's own formula for inputs that are held linear between steps."""
+    parts, _ = assemble_parts(Case.from_dict(model.case))
+    state = pitch_transport(parts.case, parts.flow)
+    frequency = np.array([1e-3, 0.01, 0.05, 0.2])
+    wind = frozen.turbine.select(inputs=["wind"]).frequency_response(frequency)[:, :, 0]
+    lag = 1.0 / (1.0 + 2j * np.pi * frequency * state.time_constant)
+    expected = state.gain * lag[:, None] * wind
+    difference = pitched(model, frequency) - pitched(frozen, frequency)
+    size = np.abs(expected).max(axis=0, keepdims=True)
+    np.testing.assert_allclose(difference / size, expected / size, atol=1e-4)
+
+
+def test_pitch_once_a_revolution_and_faster_knows_little_of_it(model, frozen):
+    frequency = model.rotor_speed / (2.0 * np.pi) * np.array([1.0, 2.0, 3.0, 6.0])
+    ours, theirs = (np.abs(pitched(each, frequency)[:, 0]) for each in (model, frozen))
+    np.testing.assert_allclose(ours, theirs, rtol=0.01)
 
 
 def test_pitch_held_from_some_moment_on_takes_the_moment_to_its_static_gain(model):
@@ -230,11 +330,11 @@ def test_pitch_held_from_some_moment_on_takes_the_moment_to_its_static_gain(mode
     assert moment[-1] == pytest.approx(0.01 * turbine.dc_gain()[0, 0], rel=1e-3)
 
 
-def test_cyclic_pitch_takes_load_off_the_blade_that_has_it(model):
-    """A steady cosine part, whose rate is that of a blade that goes round: its share is of the collective's size."""
+def test_cyclic_pitch_takes_load_off_the_blade_that_has_it(model, frozen):
+    """A steady cosine part, whose rate is that of a blade that goes round: of the size of a fixed wake's collective."""
     turbine, speed = model.turbine, model.rotor_speed
     gain = turbine.dc_gain()
-    collective = gain[0, turbine.inputs.index("pitch_angle_0")]
+    collective = frozen.turbine.dc_gain()[0, turbine.inputs.index("pitch_angle_0")]
     # beta_b = cos(theta_b): its rate -Omega sin, its acceleration -Omega^2 cos.
     size = {"pitch_angle_c": 1.0, "pitch_rate_s": -speed, "pitch_acceleration_c": -(speed**2)}
     cyclic = sum(value * gain[:, turbine.inputs.index(name)] for name, value in size.items())

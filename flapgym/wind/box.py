@@ -102,7 +102,8 @@ class WindBox:
             if places[0] > -radius + ROUNDING or places[-1] < radius - ROUNDING:
                 raise ValueError(
                     f"box.{name}: expected a grid that covers the rotor, -{number(radius)} to {number(radius)} m about "
-                    f"the hub, got {number(places[0])} to {number(places[-1])} m; take a wider grid, or check its hub"
+                    f"the hub, got {number(places[0])} to {number(places[-1])} m; take a wider grid, or check "
+                    "the hub's height in it"
                 )
         if self.duration < duration - ROUNDING:
             raise ValueError(

@@ -67,8 +67,14 @@ def read_box(
     """
     if shape is not None and spacing is not None:
         return read_mann(path, shape, spacing, mean_wind)
-    with open(regular_file(path, LARGEST), "rb") as file:
-        begins = file.read(len(_HDF5))
+    try:
+        with open(regular_file(path, LARGEST), "rb") as file:
+            begins = file.read(len(_HDF5))
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        with _naming(path):
+            raise ValueError(f"cannot be read ({error.strerror})") from None
     if begins.startswith((_CLASSIC, _HDF5)):
         return read_netcdf(path, mean_wind, hub_height)
     if int.from_bytes(begins[:2], "little") in _TURBSIM_IDS:

@@ -111,7 +111,7 @@ class BoxFile:
             box = _read(replace(self, start=None), mean_wind, hub_height, _changed(self.file))
             if self.start is not None and box.duration >= duration > box.duration - self.start + ROUNDING:
                 raise ValueError(
-                    f"expected field.start of at most {number(box.duration - duration)} s, as the box lasts "
+                    f"expected wind.field.start of at most {number(box.duration - duration)} s, as the box lasts "
                     f"{number(box.duration)} s and the episode {number(duration)} s, got {number(self.start)} s"
                 )
             box.require(mean_wind, reach, duration)
@@ -124,11 +124,13 @@ class BoxFile:
                 )
             _require_mean(box, reach)
         except FileNotFoundError as error:
-            raise FileNotFoundError(f"field.file: {error}; give its path") from None
+            raise FileNotFoundError(f"wind.field.file: {error}; give its path") from None
         except ValueError as error:
             name, line = one_line(self.file, 300), str(error)
             # What the reader found begins with the file's name.
-            raise ValueError(f"field.file: {line if line.startswith(name) else f'{name}: {line}'}") from None
+            raise ValueError(
+                f"wind.field.file: {line if line.startswith(name) else f'{name}: {line}'}"
+            ) from None
         return BoxField(box, self.start)
 
 
@@ -169,8 +171,8 @@ def _scaled(box: WindBox, intensity: float) -> WindBox:
     deviation = math.sqrt(float(np.mean((box.u - steady) ** 2)))
     if not deviation > 0.0:
         raise ValueError(
-            "expected a box whose wind varies in time, to scale it to field.turbulence_intensity, got a steady one; "
-            "leave that out"
+            "expected a box whose wind varies in time, to scale it to wind.field.turbulence_intensity, got a steady "
+            "one; leave that out"
         )
     return replace(box, u=steady + intensity * box.mean_wind / deviation * (box.u - steady))
 

@@ -312,7 +312,8 @@ class Kind:
     Attributes
     ----------
     interface : type
-        A runtime-checkable protocol; what has it already passes as it is, whoever wrote its class.
+        A runtime-checkable protocol; what has it already passes as it is, whoever wrote its class. So does an object of
+        one of the classes.
     classes : dict of str to type
         Data classes by the kind that a mapping can name, which is their class attribute `kind`, too.
     example : dict
@@ -325,7 +326,7 @@ class Kind:
 
     def check(self, value: object, name: str) -> Any:
         """Return the object that a mapping describes; refuse an unknown kind, and entries its class does not have."""
-        if isinstance(value, self.interface) and not isinstance(value, type):
+        if isinstance(value, (self.interface, *self.classes.values())) and not isinstance(value, type):
             return value
         if not isinstance(value, Mapping):
             raise ValueError(

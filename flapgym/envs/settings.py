@@ -22,9 +22,12 @@ from flapgym.envs.task import Task
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.plant import BACKENDS, PRECISIONS, Faults, GivenWind, Surroundings
+from flapgym.plant.surroundings import require_inputs
 from flapgym.turbine import BUILT_IN, load_case
-from flapgym.wind import Inflow, Wind, turbulence_of
-from flapgym.wind.gusts import ROUNDING, Recorded
+from flapgym.wind import BoxFile, Inflow, Wind, turbulence_of
+from flapgym.wind.box_field import BoxField
+from flapgym.wind.gusts import ROUNDING, DiskGust, Gust, Recorded, gust_of
+from flapgym.wind.turbulence import Turbulence
 
 LONGEST_DELAY = 60.0
 """Of a sensor, and of an actuator's lag [s]."""
@@ -182,38 +185,52 @@ class Settings:
 
         Raises
         ------
+        FileNotFoundError
+            If the field is a box whose file is not there.
         ValueError
-            If the model has no inputs for them, or the single blade is asked for.
+            If the model has no inputs for them, the single blade is asked for, or a box does not suit the model and the
+            episode.
         """
-        wind, blowing = self.wind, None
-        if wind.field is not None:
-            height = nameplate(model.case).hub_height
-            given = turbulence_of(wind.field)
-            blowing = given.on_turbine(model.turbulence_intensity, model.length_scale, height)
+        wind = self.wind
+        require_inputs(model, wind.field is not None, wind.inflow is not None, self.gravity)
+        if self.single_blade and (wind.field is not None or wind.inflow is not None or self.gravity):
+            name = "gravity" if self.gravity else "wind.field" if wind.inflow is None else "wind.inflow"
+            raise ValueError(f"{name}: expected none with single_blade=True, which does not turn")
+        blowing = None if wind.field is None else self._field(turbulence_of(wind.field), model)
         inflow = (
             from_plain(Inflow, wind.inflow, "wind.inflow")
             if isinstance(wind.inflow, Mapping)
             else wind.inflow
         )
-        found = Surroundings(blowing, inflow, self.gravity)
-        found.require(model)
-        if self.single_blade and found.turns:
-            name = "gravity" if self.gravity else "wind.field" if wind.inflow is None else "wind.inflow"
-            raise ValueError(f"{name}: expected none with single_blade=True, which does not turn")
-        return found
+        return Surroundings(blowing, inflow, self.gravity)
+
+    def _field(self, given: Turbulence | BoxFile, model: TurbineModel) -> Turbulence | BoxField:
+        """The field on the turbine of a model; a box is read, and suits it and the episode."""
+        plate = nameplate(model.case)
+        if not isinstance(given, BoxFile):
+            return given.on_turbine(model.turbulence_intensity, model.length_scale, plate.hub_height)
+        assert plate.hub_height is not None
+        return given.on_turbine(
+            mean_wind=model.wind_speed,
+            hub_height=plate.hub_height,
+            reach=float(plate.strip_radii[-1]),
+            rotor_speed=model.rotor_speed,
+            duration=self.intervals(model.time_step) * self.steps_per_action * model.time_step,
+        )
 
     def given_wind(self, model: TurbineModel) -> GivenWind | None:
-        """Samples of the gust over an episode, and the wind before it.
+        """Samples of the gust over an episode, and the wind before it; by strip if it differs over the disk.
 
         Raises
         ------
         ValueError
-            If the gust's recording does not last as long, its frequency is above what the samples show, or it wants the
-            size of a turbine that the model's case does not tell.
+            If the gust's recording does not last as long, its frequency is above what the samples show, it wants the
+            size of a turbine that the model's case does not tell, or it differs over the disk and the model has no
+            winds by strip.
         """
-        gust = self.wind.gust
-        if gust is None:
+        if self.wind.gust is None:
             return None
+        gust = gust_of(self.wind.gust)
         dt = model.time_step
         action, intervals = self.steps_per_action * dt, self.intervals(dt)
         if isinstance(gust, Recorded):
@@ -228,8 +245,27 @@ class Settings:
         time = np.arange(-1, intervals * self.steps_per_action + 1, dtype=np.float64) * dt
         plate = nameplate(model.case)
         diameter = None if plate.rotor_radius is None else 2.0 * plate.rotor_radius
-        wind: Array = self.wind.given(time, model.wind_speed, diameter, plate.hub_height)
+        wind: Array
+        if isinstance(gust, DiskGust) and model.strips and len(plate.strip_radii) == model.strips:
+            self._require_turning(gust, model)
+            wind = self.wind.given_by_strip(
+                time, model.wind_speed, plate.strip_radii, diameter, plate.hub_height
+            ).reshape(len(time), -1)
+            return GivenWind(wind[1:], wind[0])
+        wind = self.wind.given(time, model.wind_speed, diameter, plate.hub_height)
         return GivenWind(wind[1:], float(wind[0]))
+
+    def _require_turning(self, gust: Gust, model: TurbineModel) -> None:
+        """Refuse a gust that differs over the disk where the winds by strip do not turn, or the blades differ."""
+        if self.single_blade:
+            raise ValueError(
+                f"gust.kind: expected a gust that is the same over the disk with single_blade=True, which does not "
+                f"turn, got {gust.kind}"
+            )
+        if model.periodic is not None:
+            raise ValueError(
+                f"gust.kind: expected a model of equal blades under {gust.kind}, got {model.name}; take nrel5mw-site"
+            )
 
     def intervals(self, time_step: float) -> int:
         """Actions of an episode: the fewest that last `duration`."""

@@ -14,8 +14,9 @@ from gymnasium.envs.registration import EnvSpec
 from flapgym.core.fields import to_plain
 from flapgym.envs.settings import Actuators, Sensors
 from flapgym.envs.task import Task
-from flapgym.wind import Wind
+from flapgym.wind import Inflow, Wind
 from flapgym.wind.gusts import GUSTS
+from flapgym.wind.turbulence import TURBULENCES
 
 
 def completed(spec: EnvSpec | None, actions: int) -> EnvSpec | None:
@@ -34,7 +35,7 @@ def completed(spec: EnvSpec | None, actions: int) -> EnvSpec | None:
 
 def plain(value: Any) -> Any:
     """Nested keywords with what JSON knows in place of families, NumPy's numbers and arrays, paths and enumerations."""
-    if isinstance(value, (Wind, Task, Actuators, Sensors, *GUSTS.values())):
+    if isinstance(value, (Wind, Task, Actuators, Sensors, Inflow, *GUSTS.values(), *TURBULENCES.values())):
         value = to_plain(value)
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()

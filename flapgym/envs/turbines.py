@@ -34,6 +34,7 @@ from flapgym.plant.fingerprint import fingerprint
 from flapgym.plant.responses import realisation_azimuth
 from flapgym.reduction import output_rms
 from flapgym.wind import von_karman_filter
+from flapgym.wind.box_field import BoxField
 
 MOTION = ("flap_angle", "flap_rate")
 PITCH_MOTION = ("pitch_angle", "pitch_rate")
@@ -345,14 +346,18 @@ class Turbines:
             if field.name not in ("model", "backend", "wind")
         }
         wind = to_plain(dataclasses.replace(self.settings.wind, gust=None))
+        box = self.stepping.surroundings.field
         return {
             "model": self.plant.fingerprint,
             # Two backends agree to round-off, not bit for bit.
             "backend": self._backend,
             "num_envs": self.count,
             # The wind itself: a recording may have changed under its name, or have another.
-            "gust": None if self._gust is None else fingerprint([self._gust.wind], [self._gust.before])[:16],
+            "gust": None
+            if self._gust is None
+            else fingerprint([self._gust.wind], np.ravel(self._gust.before))[:16],
             "wind": wind,
+            **({"box": box.fingerprint} if isinstance(box, BoxField) else {}),
             **settings,
         }
 

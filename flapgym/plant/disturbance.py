@@ -151,29 +151,29 @@ def wind_modes(model: TurbineModel) -> Modal:
     )
 
 
-def wind_response(modal: Modal, wind: Array, before: float) -> Array:
-    """Outputs and wind (T, ny + 1) of a turbine to a wind series (T,) [m/s] known in advance, such as a gust.
+def wind_response(modal: Modal, wind: Array, before: float | Array) -> Array:
+    """Outputs and wind (T, ny + 1) of a turbine to a wind series [m/s] known in advance, such as a gust.
 
     Parameters
     ----------
     modal : Modal
-        Of `wind_modes`.
-    wind : (T,) float
-        At samples 0 to T - 1 [m/s].
-    before : float
+        Of `wind_modes`, or from winds by strip.
+    wind : (T,) or (T, nu) float
+        At samples 0 to T - 1 [m/s], one for each input.
+    before : float or (nu,) float
         What has always blown before [m/s]: the turbine starts in equilibrium with it.
     """
-    outputs = np.empty((wind.size, len(modal.outputs)))
-    drive = modal.drive[:, 0]
-    state = drive * before / (1.0 - modal.values)
+    winds = wind.reshape(len(wind), -1)
+    outputs = np.empty((len(winds), len(modal.outputs)))
+    state = modal.drive @ np.atleast_1d(before) / (1.0 - modal.values)
     states = np.empty((RESPONSE_CHUNK, modal.order), dtype=complex)
-    for first in range(0, wind.size, RESPONSE_CHUNK):
-        piece = wind[first : first + RESPONSE_CHUNK]
-        for row, now in enumerate(piece.tolist()):
+    for first in range(0, len(winds), RESPONSE_CHUNK):
+        pushes = winds[first : first + RESPONSE_CHUNK] @ modal.drive.T
+        for row, push in enumerate(pushes):
             states[row] = state
-            state = modal.values * state + drive * now
-        outputs[first : first + piece.size] = (states[: piece.size] @ modal.read.T).real
-    return outputs + wind[:, None] * modal.D[:, 0]
+            state = modal.values * state + push
+        outputs[first : first + len(pushes)] = (states[: len(pushes)] @ modal.read.T).real
+    return outputs + winds @ modal.D.T
 
 
 def disturbance_modes(model: TurbineModel, length_scale: float) -> tuple[Modal, Array]:

@@ -34,7 +34,15 @@ from flapgym.plant.frame import OutputRows, input_frame
 from flapgym.plant.lifted import lift
 from flapgym.plant.modal import Modal, modal_form
 from flapgym.plant.quantities import Quantities
-from flapgym.plant.surroundings import FieldResponse, Steady, Surroundings, steady_response, strip_system
+from flapgym.plant.surroundings import (
+    FieldResponse,
+    Steady,
+    Surroundings,
+    steady_response,
+    strip_radii,
+    strip_system,
+)
+from flapgym.wind.disk import annulus_weights
 
 PRECISIONS = ("float64", "float32")
 
@@ -309,6 +317,8 @@ class Kernel:
     rows : OutputRows
     turn : float
         Azimuth of one step [rad].
+    content : _ByContent
+        The model.
     """
 
     flap: Modal
@@ -317,6 +327,19 @@ class Kernel:
     steady: Steady | None
     rows: OutputRows
     turn: float
+    content: _ByContent
+
+    @cached_property
+    def strips(self) -> Modal:
+        """Winds by strip, in multi-blade coordinates, to the same, for a gust known in advance; made when first wanted.
+
+        Told of the wind is its mean over the disk.
+        """
+        model = self.content.model
+        modal = _wanted(_strip_modes(self.content), self.rows, model)
+        direct = modal.D.copy()
+        direct[-1, :: len(COMPONENTS)] = annulus_weights(strip_radii(model))
+        return replace(modal, D=direct)
 
     @cached_property
     def direct(self) -> Array:
@@ -547,4 +570,5 @@ def _kernel(
         steady=steady_response(model, surroundings, flap.outputs[:-1]) if surroundings.steady else None,
         rows=rows,
         turn=turn,
+        content=content,
     )

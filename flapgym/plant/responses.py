@@ -89,7 +89,7 @@ def shared_pool(kernel: Kernel, intervals: int, size: int, precision: str) -> Po
 
 
 @lru_cache(maxsize=4)
-def gust_response(kernel: Kernel, wind: bytes, before: float) -> tuple[Array, Array]:
+def gust_response(kernel: Kernel, wind: bytes, before: tuple[float, ...]) -> tuple[Array, Array]:
     """Outputs and wind (ny + 1,) at sample 0 and rows (intervals, count) under a given wind.
 
     Computed once for all plants.
@@ -98,11 +98,12 @@ def gust_response(kernel: Kernel, wind: bytes, before: float) -> tuple[Array, Ar
     ----------
     kernel : Kernel
     wind : bytes
-        Of the samples (T + 1,) float64 [m/s]: what it is counts, not where it came from.
-    before : float
-        [m/s].
+        Of the samples (T + 1, nu) float64 [m/s]: what it is counts, not where it came from.
+    before : tuple of nu float
+        [m/s]; one for the disk, or more by strip.
     """
-    outputs = wind_response(kernel.wind, np.frombuffer(wind), before)
+    modal = kernel.wind if len(before) == 1 else kernel.strips
+    outputs = wind_response(modal, np.frombuffer(wind).reshape(-1, len(before)), np.array(before))
     return outputs[0], kernel.packed(outputs[1:])
 
 
@@ -175,5 +176,6 @@ class Responses:
     def _gust_response(self, gust: GivenWind) -> tuple[Array, Array]:
         if self._gust is None or self._gust[0] is not gust:
             wind = np.asarray(gust.wind, dtype=float).tobytes()
-            self._gust = (gust, *gust_response(self._kernel, wind, gust.before))
+            before = tuple(np.atleast_1d(gust.before).tolist())
+            self._gust = (gust, *gust_response(self._kernel, wind, before))
         return self._gust[1:]

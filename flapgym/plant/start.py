@@ -13,14 +13,14 @@ class GivenWind(NamedTuple):
 
     Attributes
     ----------
-    wind : (T + 1,) float
-        Perturbation at samples 0 to T [m/s].
-    before : float
+    wind : (T + 1,) or (T + 1, 3 R) float
+        Perturbation at samples 0 to T [m/s]: one for the disk, or that of R strips, each in components 0, c, s.
+    before : float or (3 R,) float
         What has always blown before [m/s]: the turbine starts in equilibrium with it.
     """
 
     wind: Array
-    before: float
+    before: float | Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,14 +1,15 @@
 """What blows over the disk and pulls at the blades: a turbulent field, steady inflow, gravity, and their response.
 
-Superposition again: the response of an episode is computed at once. A field is drawn at the strips of the blades and
-lifted over many steps; what is steady depends on the azimuth alone, and its response is a few harmonics of three times
-the rotor's speed (harmonic balance).
+Superposition again: the response of an episode is computed at once. A field is drawn at the strips of the blades, or
+read from a box, and lifted over many steps; what is steady depends on the azimuth alone, and its response is a few
+harmonics of three times the rotor's speed (harmonic balance).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.constants import g as STANDARD_GRAVITY
@@ -22,6 +23,7 @@ from flapgym.plant.frame import OutputRows
 from flapgym.plant.lifted import Lifted, lift
 from flapgym.plant.modal import Modal
 from flapgym.wind import Inflow
+from flapgym.wind.box_field import TRIES, BoxField
 from flapgym.wind.field import DiskTurbulence, disk_turbulence
 from flapgym.wind.turbulence import Turbulence
 
@@ -40,7 +42,7 @@ class Surroundings:
 
     Attributes
     ----------
-    field : Turbulence or None
+    field : Turbulence, BoxField or None
         Which replaces the homogeneous turbulence; it knows its intensity and scale.
     inflow : Inflow or None
         What is steady of the wind over the disk.
@@ -48,7 +50,7 @@ class Surroundings:
         Whether the blades feel it.
     """
 
-    field: Turbulence | None = None
+    field: Turbulence | BoxField | None = None
     inflow: Inflow | None = None
     gravity: bool = False
 
@@ -63,32 +65,35 @@ class Surroundings:
         return self.steady or self.field is not None
 
     def require(self, model: TurbineModel) -> None:
-        """Refuse a model without the inputs that this takes.
+        """Refuse a model without the inputs that this takes (`require_inputs`)."""
+        require_inputs(model, self.field is not None, self.inflow is not None, self.gravity)
 
-        Raises
-        ------
-        ValueError
-            The message names the setting and a model that has them.
-        """
-        wants = [
-            ("wind.field", self.field is not None, "winds by strip", model.strips > 0),
-            ("wind.inflow", self.inflow is not None, "winds by strip", model.strips > 0),
-            ("gravity", self.gravity, "gravity as an input", "gravity" in model.turbine.inputs),
-        ]
-        for name, wanted, what, there in wants:
-            if not wanted:
-                continue
-            if not there:
-                raise ValueError(
-                    f"{name}: expected a model with {what}, such as nrel5mw-site, got {model.name}; "
-                    "see [signals] in the case file"
-                )
-            if model.periodic is not None:
-                raise ValueError(f"{name}: expected a model of equal blades, got {model.name}")
-            if name != "gravity" and nameplate(model.case).disk is None:
-                raise ValueError(
-                    f"{name}: expected a model whose case tells rotor and tower, got {model.name}"
-                )
+
+def require_inputs(model: TurbineModel, field: bool, inflow: bool, gravity: bool) -> None:
+    """Refuse a model without the inputs that a field, steady inflow or gravity take.
+
+    Raises
+    ------
+    ValueError
+        The message names the setting and a model that has them.
+    """
+    wants = [
+        ("wind.field", field, "winds by strip", model.strips > 0),
+        ("wind.inflow", inflow, "winds by strip", model.strips > 0),
+        ("gravity", gravity, "gravity as an input", "gravity" in model.turbine.inputs),
+    ]
+    for name, wanted, what, there in wants:
+        if not wanted:
+            continue
+        if not there:
+            raise ValueError(
+                f"{name}: expected a model with {what}, such as nrel5mw-site, got {model.name}; "
+                "see [signals] in the case file"
+            )
+        if model.periodic is not None:
+            raise ValueError(f"{name}: expected a model of equal blades, got {model.name}")
+        if name != "gravity" and nameplate(model.case).disk is None:
+            raise ValueError(f"{name}: expected a model whose case tells rotor and tower, got {model.name}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +155,26 @@ def strip_radii(model: TurbineModel) -> Array:
     return nameplate(model.case).strip_radii
 
 
+class StripWind(Protocol):
+    """What the strips of the blades meet in one episode at T steps, drawn or out of a box."""
+
+    @property
+    def steps(self) -> int:
+        """T."""
+        ...
+
+    def components(self, azimuth: Array) -> Array:
+        """Multi-blade components (T, R, 3) [m/s] from blade 1's azimuth (T,) [rad]."""
+        ...
+
+    def rotor_average(self) -> Array:
+        """The mean over the disk (T,) [m/s]."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class FieldResponse:
-    """Draws fields and gives the outputs they cause; the counterpart of `flapgym.plant.disturbance.Disturbance`.
+    """Gives the outputs that a drawn field or a box causes; the counterpart of `flapgym.plant.disturbance.Disturbance`.
 
     Attributes
     ----------
@@ -165,7 +187,7 @@ class FieldResponse:
         Rows of one interval.
     turn : float
         Azimuth of one step [rad].
-    field : Turbulence
+    field : Turbulence or BoxField
     radii : (R,) float
         Of the strips [m].
     wind_speed : float
@@ -177,13 +199,18 @@ class FieldResponse:
     intervals_per_block: int
     rows: OutputRows
     turn: float
-    field: Turbulence
+    field: Turbulence | BoxField
     radii: Array
     wind_speed: float
 
     @classmethod
     def of(
-        cls, modal: Modal, rows: OutputRows, turn: float, field: Turbulence, model: TurbineModel
+        cls,
+        modal: Modal,
+        rows: OutputRows,
+        turn: float,
+        field: Turbulence | BoxField,
+        model: TurbineModel,
     ) -> FieldResponse:
         """For intervals of `rows`; `turn` is the azimuth [rad] of one step."""
         intervals = max(1, round(BLOCK_STEPS / rows.steps))
@@ -204,6 +231,7 @@ class FieldResponse:
         return -(-intervals // self.intervals_per_block)
 
     def _disk(self, intervals: int) -> DiskTurbulence:
+        assert not isinstance(self.field, BoxField)
         # The same numbers make another wind where it is to last longer. So lengths are few: whoever holds actions
         # longer, and has to round its episode up to whole ones, meets the same wind.
         steps = 2.0 ** (
@@ -216,7 +244,17 @@ class FieldResponse:
 
     def noise_count(self, intervals: int) -> int:
         """Random numbers one realisation of so many intervals takes."""
+        if isinstance(self.field, BoxField):
+            return TRIES
         return self._disk(intervals).noise_count
+
+    def _wind(self, noise: Array, intervals: int) -> StripWind:
+        """From `_run_in` steps before the episode to the end of its last block or longer."""
+        if isinstance(self.field, BoxField):
+            steps = np.arange(-self._run_in, self._blocks(intervals) * self._span + 1, dtype=np.float64)
+            duration = intervals * self.rows.steps * self.modal.time_step
+            return self.field.passing(noise, steps * self.modal.time_step, duration, self.radii)
+        return self._disk(intervals).draw(noise, self.field.deviation(self.wind_speed))
 
     def respond(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
         """Outputs that a realisation of the field causes.
@@ -237,9 +275,8 @@ class FieldResponse:
         rows : (intervals, rows.count) float
             Rows of every interval.
         """
-        span, blocks, disk = self._span, self._blocks(intervals), self._disk(intervals)
-        wind = disk.draw(noise, self.field.deviation(self.wind_speed))
-        since = np.arange(disk.steps, dtype=np.float64) - self._run_in
+        span, blocks, wind = self._span, self._blocks(intervals), self._wind(noise, intervals)
+        since = np.arange(wind.steps, dtype=np.float64) - self._run_in
         strips = wind.components(azimuth + self.turn * since).reshape(len(since), -1)
         # Whole blocks before the episode.
         run_in = self._run_in // span

@@ -1,6 +1,7 @@
 """The wind along the shaft: turbulence, gusts and recordings; over the disk fields, steady inflow and boxes."""
 
 from flapgym.wind.box import WindBox, mann_box
+from flapgym.wind.box_field import BoxFile
 from flapgym.wind.box_files import read_mann, read_netcdf, read_turbsim
 from flapgym.wind.disk import Disk
 from flapgym.wind.field import disk_turbulence
@@ -13,6 +14,7 @@ from flapgym.wind.turbulence import Kaimal, VonKarman, turbulence_of
 from flapgym.wind.wind import Wind
 
 __all__ = [
+    "BoxFile",
     "Disk",
     "Gust",
     "Inflow",

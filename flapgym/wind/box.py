@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -59,6 +61,15 @@ class WindBox:
             )
         self.u.flags.writeable = False
 
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of every number."""
+        digest = hashlib.sha256(repr((self.time_step, self.mean_wind)).encode())
+        for numbers in (self.y, self.z, self.u):
+            digest.update(repr(numbers.shape).encode())
+            digest.update(np.ascontiguousarray(numbers).tobytes())
+        return digest.hexdigest()
+
     @property
     def duration(self) -> float:
         """Time from the first plane to the last [s]."""
@@ -84,19 +95,20 @@ class WindBox:
         if abs(self.mean_wind - mean_wind) > MEAN_TOLERANCE * mean_wind:
             raise ValueError(
                 f"box.mean_wind: expected the model's {number(mean_wind)} m/s within {MEAN_TOLERANCE:.0%}, got "
-                f"{number(self.mean_wind)} m/s"
+                f"{number(self.mean_wind)} m/s; take a model that was built for that wind, or another box"
             )
         for name in ("y", "z"):
             places = getattr(self, name)
             if places[0] > -radius + ROUNDING or places[-1] < radius - ROUNDING:
                 raise ValueError(
                     f"box.{name}: expected a grid that covers the rotor, -{number(radius)} to {number(radius)} m about "
-                    f"the hub, got {number(places[0])} to {number(places[-1])} m"
+                    f"the hub, got {number(places[0])} to {number(places[-1])} m; take a wider grid, or check "
+                    "the hub's height in it"
                 )
         if self.duration < duration - ROUNDING:
             raise ValueError(
                 f"box.u: expected a box that lasts as long as the episode, {number(duration)} s, got "
-                f"{number(self.duration)} s"
+                f"{number(self.duration)} s; take a longer one, or a duration that fits into it"
             )
 
     def at(self, time: Array, y: Array, z: Array) -> Array:

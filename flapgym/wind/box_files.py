@@ -12,7 +12,7 @@ import numpy as np
 
 from flapgym.core.arrays import AnyArray
 from flapgym.core.fields import Count, Quantity, TupleOf
-from flapgym.core.files import MEGABYTE, read_bytes
+from flapgym.core.files import MEGABYTE, read_bytes, regular_file
 from flapgym.core.wording import number, one_line, shown
 from flapgym.wind.box import STRONGEST, WindBox, along_the_wind
 
@@ -39,6 +39,50 @@ file most likely holds perturbations, or another wind."""
 EVEN = 1e-4
 """By which time steps of a NetCDF file may differ, over them: single precision and decimals written short."""
 _CLASSIC, _HDF5 = b"CDF", b"\x89HDF\r\n\x1a\n"
+
+
+def read_box(
+    path: str | os.PathLike[str],
+    mean_wind: float,
+    hub_height: float,
+    shape: tuple[int, int, int] | None = None,
+    spacing: tuple[float, float, float] | None = None,
+) -> WindBox:
+    """Read a box of any kind: HAWC2's with a shape and a spacing, else TurbSim's or NetCDF by its content.
+
+    Parameters
+    ----------
+    path : path
+    mean_wind : float
+        Of NetCDF and HAWC2 [m/s]; a TurbSim file tells its own.
+    hub_height : float
+        Of TurbSim and NetCDF [m]; HAWC2's hub is in the middle.
+    shape, spacing : tuple of three, optional
+        Of HAWC2, as `read_mann` takes them.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError, ImportError
+        Of `read_turbsim`, `read_mann` and `read_netcdf`.
+    """
+    if shape is not None and spacing is not None:
+        return read_mann(path, shape, spacing, mean_wind)
+    try:
+        with open(regular_file(path, LARGEST), "rb") as file:
+            begins = file.read(len(_HDF5))
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        with _naming(path):
+            raise ValueError(f"cannot be read ({error.strerror})") from None
+    if begins.startswith((_CLASSIC, _HDF5)):
+        return read_netcdf(path, mean_wind, hub_height)
+    if int.from_bytes(begins[:2], "little") in _TURBSIM_IDS:
+        return read_turbsim(path, hub_height)
+    with _naming(path):
+        raise ValueError(
+            "expected TurbSim's .bts or NetCDF, got another kind; a HAWC2 file also needs its shape and spacing"
+        )
 
 
 def read_turbsim(path: str | os.PathLike[str], hub_height: float | None = None) -> WindBox:
@@ -129,7 +173,9 @@ def read_mann(
     with _naming(path):
         points = " by ".join(map(str, shape))
         _check_size(len(content), 4 * int(np.prod(shape, dtype=object)), f"{points} numbers of 32 bits")
-        return along_the_wind(np.frombuffer(content, "<f4").reshape(shape).astype(float), spacing, mean_wind)
+        wind = np.frombuffer(content, "<f4").reshape(shape).astype(float)
+        _require_whole("box.u", wind)
+        return along_the_wind(wind, spacing, mean_wind)
 
 
 def read_netcdf(path: str | os.PathLike[str], mean_wind: float, hub_height: float) -> WindBox:
@@ -179,11 +225,12 @@ def read_netcdf(path: str | os.PathLike[str], mean_wind: float, hub_height: floa
             axes.append(variables[axis][1])
         time, y, z = axes
         wind = values.transpose([dimensions.index(axis) for axis in ("time", "y", "z")])
+        _require_whole(f"variable {name}", wind)
         average = float(wind.mean())
         if abs(average - mean_wind) > MEAN_ABOUT * mean_wind:
             raise ValueError(
                 f"variable {name}: expected the wind itself, about {number(mean_wind)} m/s, got a mean of "
-                f"{average:.3g} m/s"
+                f"{average:.3g} m/s; add the mean wind, or take a model that was built for that of the file"
             )
         return WindBox(wind - mean_wind, y, z - hub_height, _even_step(time), mean_wind)
 
@@ -271,10 +318,19 @@ def _even_step(time: AnyArray) -> float:
     return float(steps.mean())
 
 
+def _require_whole(name: str, wind: AnyArray) -> None:
+    missing = int(np.isnan(wind).sum())
+    if missing:
+        raise ValueError(
+            f"{name}: expected a number at each point, got nan m/s at {missing} of {wind.size}; fill those"
+        )
+
+
 def _check_size(given: int, expected: int, what: str) -> None:
     if given != expected:
-        short = "a file that is cut off" if given < expected else "more"
-        raise ValueError(f"expected {expected} bytes for {what}, got {short}, {given} bytes")
+        cut = given < expected
+        short, fix = ("a file that is cut off", "copy it again") if cut else ("more", "check its sizes")
+        raise ValueError(f"expected {expected} bytes for {what}, got {short}, {given} bytes; {fix}")
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from scipy.fft import dct, ifft, next_fast_len
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.fields import Count, Numbers, Quantity
+from flapgym.wind.disk import annulus_weights
 from flapgym.wind.turbulence import Turbulence
 
 KEPT = 0.9
@@ -178,8 +179,7 @@ class DiskWind:
 
     def rotor_average(self) -> Array:
         """The mean over the disk (T,), each ring for the annulus up to midway to its neighbours."""
-        annuli = self.radii * np.gradient(self.radii) if len(self.radii) > 1 else np.ones(1)
-        return np.asarray(self.harmonic(0).real @ (annuli / annuli.sum()))
+        return np.asarray(self.harmonic(0).real @ annulus_weights(self.radii))
 
 
 def disk_turbulence(

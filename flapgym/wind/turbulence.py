@@ -15,6 +15,7 @@ import scipy.special
 
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Choice, Kind, OrNone, Quantity, check_fields
+from flapgym.wind.box_field import BoxFile
 from flapgym.wind.iec import (
     REFERENCE_INTENSITIES,
     REFERENCE_SPEEDS,
@@ -198,18 +199,18 @@ def _known(value: float | None, name: str) -> float:
     return value
 
 
-TURBULENCES: dict[str, type[Any]] = {field.kind: field for field in (VonKarman, Kaimal)}
+TURBULENCES: dict[str, type[Any]] = {field.kind: field for field in (VonKarman, Kaimal, BoxFile)}
 """Kinds that a mapping can name."""
 TURBULENCE = Kind(Turbulence, TURBULENCES, example={"kind": "kaimal", "turbulence_class": "B"})
 """What a setting that holds one may hold."""
 
 
-def turbulence_of(given: Any) -> Turbulence:
-    """Turbulence that a mapping describes: `kind`, and the fields of its class in SI units.
+def turbulence_of(given: Any) -> Turbulence | BoxFile:
+    """Turbulence, or a box of it, that a mapping describes: `kind`, and the fields of its class in SI units.
 
     Raises
     ------
     ValueError
         If it is no such mapping; the message names the entry.
     """
-    return cast(Turbulence, TURBULENCE.check(given, "field"))
+    return cast(Turbulence | BoxFile, TURBULENCE.check(given, "field"))

@@ -28,9 +28,19 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from flapgym.core.arrays import Array
+from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Count, Numbers, OneOrMore, OrNone, Quantity, check_fields
-from flapgym.wind.gusts import GUST, STRONGEST, DiskGust, Gust, Sinusoid, SizedGust, gust_of
+from flapgym.wind.box_field import BoxFile
+from flapgym.wind.gusts import (
+    GUST,
+    STRONGEST,
+    DiskGust,
+    Gust,
+    Sinusoid,
+    SizedGust,
+    gust_components,
+    gust_of,
+)
 from flapgym.wind.inflow import Inflow
 from flapgym.wind.turbulence import TURBULENCE, Turbulence
 
@@ -51,9 +61,10 @@ class Wind:
         Integral length of the turbulence [m].
     gust : Gust, mapping or None
         An object, or the mapping that describes one, `{"kind": "step", "start": 2.0, "size": 1.0}`, which becomes it.
-    field : Turbulence, mapping or None
+    field : Turbulence, BoxFile, mapping or None
         Turbulence that differs over the disk, `{"kind": "kaimal", "turbulence_class": "B"}`, in the place of the
-        homogeneous one. It knows its own intensity and scale, von Karman's by default those of the model.
+        homogeneous one. It knows its own intensity and scale, von Karman's by default those of the model. A wind box
+        from a file, `{"kind": "box", "file": "wind.bts"}`, is as the file has it.
     inflow : Inflow, mapping or None
         What is steady of the wind over the disk, `{"shear_exponent": 0.2, "tower_shadow": True}`.
     pool : int
@@ -65,7 +76,7 @@ class Wind:
     ] = None
     length_scale: Annotated[float | None, OrNone(Quantity("length", at_least=1.0, at_most=1e5))] = None
     gust: Annotated[Gust | Mapping[str, Any] | None, OrNone(GUST)] = None
-    field: Annotated[Turbulence | Mapping[str, Any] | None, OrNone(TURBULENCE)] = None
+    field: Annotated[Turbulence | BoxFile | Mapping[str, Any] | None, OrNone(TURBULENCE)] = None
     inflow: Annotated[Inflow | Mapping[str, Any] | None, OrNone(Inflow)] = None
     pool: Annotated[int, Count(at_least=0, at_most=LARGEST_POOL)] = 0
 
@@ -132,9 +143,36 @@ class Wind:
             gust = gust.on_turbine(rotor_diameter, hub_height)
         elif isinstance(gust, Sinusoid) and len(time) > 1:
             gust.check_samples(float(time[1] - time[0]))
-        wind = Numbers(dimension="speed", axes=1, at_least=-STRONGEST, at_most=STRONGEST).check(
-            gust.wind(time, mean_speed), f"gust {gust.kind}"
-        )
-        if wind.shape != time.shape:
-            raise ValueError(f"gust {gust.kind}: expected wind at {len(time)} times, got {len(wind)}")
-        return wind
+        return _checked(gust.wind(time, mean_speed), time.shape, gust.kind)
+
+    def given_by_strip(
+        self,
+        time: Array,
+        mean_speed: float,
+        radius: Array,
+        rotor_diameter: float | None = None,
+        hub_height: float | None = None,
+    ) -> Array:
+        """The same at strips of the blades, radii (R,) [m]: multi-blade components (u_0, u_c, u_s) (T, R, 3) [m/s].
+
+        Raises
+        ------
+        ValueError
+            If there is no gust, an extreme gust lacks the turbine's size, or the perturbation is not a finite number of
+            at most 100 m/s everywhere.
+        """
+        gust = gust_of(self.gust)
+        if isinstance(gust, SizedGust):
+            gust = gust.on_turbine(rotor_diameter, hub_height)
+        found = gust_components(gust, time, radius, mean_speed)
+        return _checked(found, (len(time), len(radius), BLADES), gust.kind)
+
+
+def _checked(wind: Any, shape: tuple[int, ...], kind: str) -> Array:
+    """What a gust gives as finite numbers of this shape."""
+    found = Numbers(dimension="speed", axes=len(shape), at_least=-STRONGEST, at_most=STRONGEST).check(
+        wind, f"gust {kind}"
+    )
+    if found.shape != shape:
+        raise ValueError(f"gust {kind}: expected wind at {shape[0]} times, got {len(found)}")
+    return found

@@ -127,7 +127,7 @@ def test_a_mapping_makes_the_field_that_writes_it(plain):
 @pytest.mark.parametrize(
     "given, message",
     [
-        ({"kind": "mann"}, "^field.kind: expected 'von_karman' or 'kaimal'"),
+        ({"kind": "mann"}, "^field.kind: expected one of 'von_karman', 'kaimal', 'box'"),
         ({"kind": "kaimal", "turbulence": "EWM"}, "^field.turbulence: expected 'NTM' or 'ETM', got 'EWM'"),
         ({"kind": "kaimal", "turbulence_class": "D"}, "^field.turbulence_class: expected one of 'A'"),
         (

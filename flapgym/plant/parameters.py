@@ -21,11 +21,12 @@ from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.actuator import Faults, free_motion, lag_constants, stepwise_motion
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
 from flapgym.plant.fingerprint import fingerprint
+from flapgym.plant.field_response import FieldResponse
 from flapgym.plant.frame import OutputRows, input_frame
 from flapgym.plant.lifted import lift
 from flapgym.plant.modal import Modal, modal_form
 from flapgym.plant.quantities import Quantities
-from flapgym.plant.surroundings import FieldResponse, Steady, Surroundings, steady_response, strip_system
+from flapgym.plant.surroundings import Steady, Surroundings, steady_response, strip_radii, strip_system
 
 PRECISIONS = ("float64", "float32")
 
@@ -426,7 +427,9 @@ def _kernel(content: _ByContent, rows: OutputRows, length_scale: float, surround
         disturbance = Disturbance.of(_wanted(noise_modes, rows, model), root, rows, turn)
     else:
         strips = _wanted(_strip_modes(content), rows, model)
-        disturbance = FieldResponse.of(strips, rows, turn, surroundings.field, model)
+        disturbance = FieldResponse(
+            strips, rows, turn, surroundings.field, strip_radii(model), model.wind_speed
+        )
     return Kernel(
         flap=flap,
         wind=_wanted(_wind_modes(content), rows, model),

@@ -20,8 +20,8 @@ from flapgym.model.signals import COMPONENTS
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.actuator import Faults, free_motion, lag_constants, stepwise_motion
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
-from flapgym.plant.fingerprint import fingerprint
 from flapgym.plant.field_response import FieldResponse
+from flapgym.plant.fingerprint import fingerprint
 from flapgym.plant.frame import OutputRows, input_frame
 from flapgym.plant.lifted import lift
 from flapgym.plant.modal import Modal, modal_form

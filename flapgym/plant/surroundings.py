@@ -1,4 +1,4 @@
-"""What blows over the disk and pulls at the blades: a turbulent field, steady inflow, gravity, and the latter's response.
+"""What blows over the disk and pulls at the blades, turbulent field, inflow, gravity; the response to what is steady.
 
 Superposition again: the response of an episode is computed at once. What is steady depends on the azimuth alone, and
 its response is a few harmonics of three times the rotor's speed (harmonic balance). A field's is in
@@ -99,9 +99,8 @@ class Steady:
 
     def at(self, azimuth: Array) -> Array:
         """Outputs and wind (T, ny + 1) at azimuths (T,) [rad]."""
-        turns = np.ones((len(azimuth), len(self.harmonics)), dtype=complex)
-        # Powers of one turn: a complex exponential costs ten times a product.
-        np.cumprod(np.broadcast_to(np.exp(1j * BLADES * azimuth)[:, None], turns[:, 1:].shape), 1, out=turns[:, 1:])
+        # Powers of exp(3 i azimuth): an exponential costs ten times a product.
+        turns = np.vander(np.exp(1j * BLADES * azimuth), len(self.harmonics), increasing=True)
         return np.asarray((turns @ self.harmonics).real)
 
 

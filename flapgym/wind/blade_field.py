@@ -1,19 +1,21 @@
 """What the blades of a rotor that turns steadily meet of a field over the disk (`flapgym.wind.field`), drawn at once.
 
-The harmonics U_m of the azimuth are independent and stationary, so what the three blades meet is stationary as well, in
-multi-blade components: with blade b at theta_b = theta + 2 pi (b - 1) / 3 and theta = theta_0 + Omega t,
+With blade b at theta_b = theta + 2 pi (b - 1) / 3 and theta = theta_0 + Omega t, a field's harmonics U_m of the azimuth
+are to the blades
 
-    u(r, theta_b, t) = u_0(r, t) + 2 Re[z(r, t) exp(i theta_b)],  u_0 = sum U_3k exp(3 i k theta),  z = sum U_3k+1 exp(3 i k theta)
+    u(r, theta_b, t) = u_0(r, t) + 2 Re[z(r, t) exp(i theta_b)],
+    u_0 = sum U_3k exp(3 i k theta),  z = sum U_3k+1 exp(3 i k theta)  over all k of either sign.
 
-over all k of either sign. Sums of independent normal numbers are normal: instead of every harmonic, u_0 and z are drawn
-from the sums of the harmonics' cross-spectra, each k moved by the 3 k turns a second at which the blades pass its waves.
-Which turn a harmonic came from is not told, so this is no field on the disk (`disk_turbulence` is); nor does theta_0
-count.
+The U_m are stationary and independent, so u_0 and z are as well, and their cross-spectra are the sums of the
+harmonics', each moved by the 3 k turns that the blades make against it. Sums of normal numbers are normal: u_0 and z
+are drawn by themselves, however many harmonics there are, and theta_0 does not count. Which harmonic a wave belongs to
+is lost, so this is no field on the disk; `flapgym.wind.field.disk_turbulence` makes one.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -24,10 +26,12 @@ from flapgym.core.fields import Quantity
 from flapgym.wind.field import WITHIN, checked_rings, shares_by_decay
 from flapgym.wind.turbulence import Turbulence
 
-REACH = 4.0
-"""Harmonics that are summed, over the waves a turn that the blades pass at the highest frequency."""
+REACH = 3.0
+"""Highest harmonic that is summed, over the waves a turn that the blades pass at the highest frequency."""
 BEYOND = 2.0
-"""Frequency, over the highest, beyond which what the field has is not carried down to it by harmonics that turn back."""
+"""Frequency in the field, over the highest that blades meet, from which on nothing is summed: with harmonics that are
+passed the other way, it would come down to what blades meet. Both limits together take 0.5 % of a blade's spectrum at
+3 Hz (von Karman, 11 m/s)."""
 PARTS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0j, -1.0j]])
 """Components 0, c, s of waves from those of u_0, 2 z at f, and the conjugate of 2 z at -f: from u_c - i u_s = 2 z."""
 
@@ -123,9 +127,8 @@ def _prepare(
     frequencies = np.arange(math.floor(highest * period) + 1) / period
     # Averages about each frequency, so that no variance is lost or won, as in `disk_turbulence`.
     about = frequencies[:, None] + ((np.arange(WITHIN) + 0.5) / WITHIN - 0.5) / period
-    harmonics = math.ceil(REACH * highest / turn)
-    limits = field.decay(np.array([0.0, BEYOND * highest]), wind_speed)
-    shares = shares_by_decay(field, np.array(rings), limits, harmonics)
+    shares = _shares(field, rings, wind_speed, BEYOND * highest, math.ceil(REACH * highest / turn))
+    harmonics = len(shares) - 1
     covariance = np.zeros((len(frequencies), 3, len(rings), len(rings)))
     # In the order of PARTS: u_0 is of the harmonics 3 k, z of 3 k + 1 at either sign of the frequency.
     for part, (first, sign) in enumerate(((0, 1.0), (1, 1.0), (1, -1.0))):
@@ -145,3 +148,12 @@ def _prepare(
     # At low frequencies u_0 is almost the same at all rings; round-off may leave the rest below zero.
     root = (vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]) @ vectors.swapaxes(-1, -2)
     return BladeTurbulence(np.array(rings), period, frequencies, root)
+
+
+@lru_cache(maxsize=4)
+def _shares(
+    field: Turbulence, rings: tuple[float, ...], wind_speed: float, highest: float, harmonics: int
+) -> list[Callable[[Array], Array]]:
+    """Kept by themselves, as they take longest, and are the same for realisations of any period."""
+    limits = field.decay(np.array([0.0, highest]), wind_speed)
+    return shares_by_decay(field, np.array(rings), limits, harmonics)

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
+from flapgym.core.fields import Quantity
 from flapgym.plant.frame import OutputRows
 from flapgym.plant.modal import Modal
 from flapgym.wind.blade_field import PARTS, BladeTurbulence, blade_turbulence
@@ -64,7 +65,13 @@ class FieldResponse:
         return self.prepared(intervals).turbulence.noise_count
 
     def prepared(self, intervals: int) -> Synthesis:
-        """What is made once for episodes of so many intervals."""
+        """What is made once for episodes of so many intervals.
+
+        Raises
+        ------
+        ValueError
+            If the model's steps are too long for the waves of the field; the message names the value.
+        """
         step = self.modal.time_step
         memory = max(
             SCALES_APART * time_scale(self.field, self.wind_speed),
@@ -139,8 +146,9 @@ class Synthesis:
 def _synthesis(response: FieldResponse, period: float) -> Synthesis:
     modal = response.modal
     step, rotor_speed = modal.time_step, response.turn / modal.time_step
-    highest = (HIGHEST + rotor_speed / (2.0 * np.pi)) * step
-    coarse = max(1, math.floor(1.0 / (SAMPLES_A_WAVE * highest)))
+    highest = HIGHEST + rotor_speed / (2.0 * np.pi)  # as components have it
+    Quantity("time", above=0.0, below=0.5 / highest).check(step, "field.time_step")
+    coarse = max(1, math.floor(1.0 / (SAMPLES_A_WAVE * highest * step)))
     points = next_fast_len(math.ceil(period / (coarse * step)), real=True)
     turbulence = blade_turbulence(
         response.field, response.radii, response.wind_speed, rotor_speed, points * coarse * step, HIGHEST
@@ -152,7 +160,7 @@ def _synthesis(response: FieldResponse, period: float) -> Synthesis:
     answers[:, -1, :, 0] = annuli(response.radii)
     folded = deviation * np.einsum("fyrc,cp,fprs->fyps", answers, PARTS, turbulence.root, optimize=True)
     folded[1:] *= 0.5
-    weights = interpolation_weights(coarse, highest, TAPS)
+    weights = interpolation_weights(coarse, highest * step, TAPS)
     return Synthesis(turbulence, folded.reshape(*folded.shape[:2], -1), coarse, points, weights)
 
 

@@ -30,8 +30,8 @@ REACH = 3.0
 """Highest harmonic that is summed, over the waves a turn that the blades pass at the highest frequency."""
 BEYOND = 2.0
 """Frequency in the field, over the highest that blades meet, from which on nothing is summed: with harmonics that are
-passed the other way, it would come down to what blades meet. Both limits together take 0.5 % of the spectrum at 3 Hz and
-0.7 of the radius, and 1.3 % at 0.4 of it (von Karman, 11 m/s)."""
+passed the other way, it would come down to what blades meet. Both limits together take 0.5 % of the spectrum at 3 Hz
+at 0.7 of the radius, and 1.3 % at 0.4 of it (von Karman, 11 m/s)."""
 PARTS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0j, -1.0j]])
 """Components 0, c, s of waves from those of u_0, 2 z at f, and the conjugate of 2 z at -f: from u_c - i u_s = 2 z."""
 

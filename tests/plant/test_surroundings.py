@@ -297,6 +297,15 @@ def test_a_single_blade_is_refused_as_it_does_not_turn():
         field_plant(1, single_blade=True)
 
 
+def test_a_model_whose_steps_are_longer_than_half_a_wave_of_the_field_is_refused():
+    response = field_plant(1)._kernel.disturbance
+    slow = replace(
+        response, modal=replace(response.modal, time_step=0.2), turn=0.2 * site_model().rotor_speed
+    )
+    with pytest.raises(ValueError, match=r"^field\.time_step: expected 0 s < time < 0\.156.* s, got 0\.2 s$"):
+        slow.prepared(40)
+
+
 def test_an_episode_in_a_field_begins_as_lively_as_it_ends():
     # Against the mean square of the last two seconds, within four standard errors of their difference.
     count, seconds = 100, round(2.0 / site_model().time_step)

@@ -20,7 +20,8 @@ from flapgym.core.fields import Quantity
 from flapgym.plant.frame import OutputRows
 from flapgym.plant.modal import Modal
 from flapgym.wind.blade_field import PARTS, BladeTurbulence, blade_turbulence
-from flapgym.wind.field import SCALES_APART, annuli, interpolation_weights, time_scale
+from flapgym.wind.disk import annulus_weights
+from flapgym.wind.field import SCALES_APART, interpolation_weights, time_scale
 from flapgym.wind.turbulence import Turbulence
 
 HIGHEST = 3.0
@@ -157,7 +158,7 @@ def _synthesis(response: FieldResponse, period: float) -> Synthesis:
     # Of strips and components, those of one strip together: to outputs from the parts of which the noise is.
     answers = frequency_response(modal, turbulence.frequencies)
     answers = answers.reshape(*answers.shape[:2], len(response.radii), BLADES)
-    answers[:, -1, :, 0] = annuli(response.radii)
+    answers[:, -1, :, 0] = annulus_weights(response.radii)
     folded = deviation * np.einsum("fyrc,cp,fprs->fyps", answers, PARTS, turbulence.root, optimize=True)
     folded[1:] *= 0.5
     weights = interpolation_weights(coarse, highest * step, TAPS)

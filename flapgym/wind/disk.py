@@ -70,3 +70,9 @@ class Disk:
     def tower_radius_at(self, height: Array) -> Array:
         """Radius of the tower at heights [m], same shape [m]; above its top that of the top."""
         return np.interp(height, self.tower_height, self.tower_radius)
+
+
+def annulus_weights(radii: Array) -> Array:
+    """Shares (R,) of rings (R,) [m] in the mean over a disk, each for the annulus up to midway to its neighbours."""
+    annuli = radii * np.gradient(radii) if len(radii) > 1 else np.ones(1)
+    return np.asarray(annuli / annuli.sum())

@@ -22,6 +22,7 @@ from scipy.fft import dct, ifft, next_fast_len
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.fields import Count, Numbers, Quantity
+from flapgym.wind.disk import annulus_weights
 from flapgym.wind.turbulence import Turbulence
 
 KEPT = 0.9
@@ -178,14 +179,8 @@ class DiskWind:
         return np.asarray((harmonics @ waves).real)
 
     def rotor_average(self) -> Array:
-        """The mean over the disk (T,)."""
-        return np.asarray(self.harmonic(0).real @ annuli(self.radii))
-
-
-def annuli(radii: Array) -> Array:
-    """Shares of the disk's area, each ring for the annulus up to midway to its neighbours; as radii (R,) [m]."""
-    areas = radii * np.gradient(radii) if len(radii) > 1 else np.ones(1)
-    return np.asarray(areas / areas.sum())
+        """The mean over the disk (T,), each ring for the annulus up to midway to its neighbours."""
+        return np.asarray(self.harmonic(0).real @ annulus_weights(self.radii))
 
 
 def disk_turbulence(

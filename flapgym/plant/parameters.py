@@ -28,20 +28,22 @@ from flapgym.plant.actuator import (
     rate_gained,
     stepwise_motion,
 )
+from flapgym.plant.box_response import BoxResponse
 from flapgym.plant.disturbance import Disturbance, disturbance_modes, wind_modes
+from flapgym.plant.field_response import FieldResponse
 from flapgym.plant.fingerprint import fingerprint
 from flapgym.plant.frame import OutputRows, input_frame
 from flapgym.plant.lifted import lift
 from flapgym.plant.modal import Modal, modal_form
 from flapgym.plant.quantities import Quantities
 from flapgym.plant.surroundings import (
-    FieldResponse,
     Steady,
     Surroundings,
     steady_response,
     strip_radii,
     strip_system,
 )
+from flapgym.wind.box_field import BoxField
 from flapgym.wind.disk import annulus_weights
 
 PRECISIONS = ("float64", "float32")
@@ -310,7 +312,7 @@ class Kernel:
         the wind (on which they do nothing).
     wind : Modal
         Wind to the same, for a wind known in advance.
-    disturbance : Disturbance or FieldResponse
+    disturbance : Disturbance, FieldResponse or BoxResponse
         White noise to the rows.
     steady : Steady or None
         The response to what is steady.
@@ -323,7 +325,7 @@ class Kernel:
 
     flap: Modal
     wind: Modal
-    disturbance: Disturbance | FieldResponse
+    disturbance: Disturbance | FieldResponse | BoxResponse
     steady: Steady | None
     rows: OutputRows
     turn: float
@@ -556,13 +558,18 @@ def _kernel(
     model = content.model
     turn = model.rotor_speed * model.time_step
     flap = _wanted(_actuator_modes(content, pitch), rows, model)
-    disturbance: Disturbance | FieldResponse
+    disturbance: Disturbance | FieldResponse | BoxResponse
     if surroundings.field is None:
         noise_modes, root = _disturbance_modes(content, length_scale)
         disturbance = Disturbance.of(_wanted(noise_modes, rows, model), root, rows, turn)
     else:
         strips = _wanted(_strip_modes(content), rows, model)
-        disturbance = FieldResponse.of(strips, rows, turn, surroundings.field, model)
+        if isinstance(surroundings.field, BoxField):
+            disturbance = BoxResponse.of(strips, rows, turn, surroundings.field, strip_radii(model))
+        else:
+            disturbance = FieldResponse(
+                strips, rows, turn, surroundings.field, strip_radii(model), model.wind_speed
+            )
     return Kernel(
         flap=flap,
         wind=_wanted(_wind_modes(content), rows, model),

@@ -1,15 +1,13 @@
-"""What blows over the disk and pulls at the blades: a turbulent field, steady inflow, gravity, and their response.
+"""What blows over the disk and pulls at the blades, turbulent field, inflow, gravity; the response to what is steady.
 
-Superposition again: the response of an episode is computed at once. A field is drawn at the strips of the blades, or
-read from a box, and lifted over many steps; what is steady depends on the azimuth alone, and its response is a few
-harmonics of three times the rotor's speed (harmonic balance).
+Superposition again: the response of an episode is computed at once. What is steady depends on the azimuth alone, and
+its response is a few harmonics of three times the rotor's speed (harmonic balance). A field's is in
+`flapgym.plant.field_response`, a box's in `flapgym.plant.box_response`.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.constants import g as STANDARD_GRAVITY
@@ -19,18 +17,10 @@ from flapgym.core.state_space import StateSpace
 from flapgym.model.nameplate import nameplate
 from flapgym.model.signals import strip_inputs
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant.frame import OutputRows
-from flapgym.plant.lifted import Lifted, lift
-from flapgym.plant.modal import Modal
 from flapgym.wind import Inflow
-from flapgym.wind.box_field import TRIES, BoxField
-from flapgym.wind.field import DiskTurbulence, disk_turbulence
+from flapgym.wind.box_field import BoxField
 from flapgym.wind.turbulence import Turbulence
 
-RUN_IN = 20.0
-"""Time [s] before an episode for which its field is drawn, too: from equilibrium with the wind at its beginning."""
-BLOCK_STEPS = 32
-"""Steps taken at once, rounded to whole intervals."""
 LEFT_OUT = 1e-10
 """Share of the steady wind's variance in each strip that harmonics may leave out. By default it is much more, as it is
 of no account for the wind; but edgewise loads and the tower's acceleration are mostly of the highest harmonics."""
@@ -61,7 +51,7 @@ class Surroundings:
 
     @property
     def turns(self) -> bool:
-        """Whether the response of an episode depends on the azimuth at its start."""
+        """Whether it takes blades that turn."""
         return self.steady or self.field is not None
 
     def require(self, model: TurbineModel) -> None:
@@ -113,7 +103,8 @@ class Steady:
 
     def at(self, azimuth: Array) -> Array:
         """Outputs and wind (T, ny + 1) at azimuths (T,) [rad]."""
-        turns = np.exp(1j * BLADES * azimuth[:, None] * np.arange(len(self.harmonics)))
+        # Powers of exp(3 i azimuth): an exponential costs ten times a product.
+        turns = np.vander(np.exp(1j * BLADES * azimuth), len(self.harmonics), increasing=True)
         return np.asarray((turns @ self.harmonics).real)
 
 
@@ -153,151 +144,6 @@ def steady_response(model: TurbineModel, surroundings: Surroundings, outputs: tu
 def strip_radii(model: TurbineModel) -> Array:
     """Middle of each strip along the blade, from the rotor's apex [m], (strips,)."""
     return nameplate(model.case).strip_radii
-
-
-class StripWind(Protocol):
-    """What the strips of the blades meet in one episode at T steps, drawn or out of a box."""
-
-    @property
-    def steps(self) -> int:
-        """T."""
-        ...
-
-    def components(self, azimuth: Array) -> Array:
-        """Multi-blade components (T, R, 3) [m/s] from blade 1's azimuth (T,) [rad]."""
-        ...
-
-    def rotor_average(self) -> Array:
-        """The mean over the disk (T,) [m/s]."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class FieldResponse:
-    """Gives the outputs that a drawn field or a box causes; the counterpart of `flapgym.plant.disturbance.Disturbance`.
-
-    Attributes
-    ----------
-    modal : Modal
-        Winds by strip, in multi-blade coordinates, to the outputs that have rows.
-    block : Lifted
-        Several intervals at once.
-    intervals_per_block : int
-    rows : OutputRows
-        Rows of one interval.
-    turn : float
-        Azimuth of one step [rad].
-    field : Turbulence or BoxField
-    radii : (R,) float
-        Of the strips [m].
-    wind_speed : float
-        [m/s]
-    """
-
-    modal: Modal
-    block: Lifted
-    intervals_per_block: int
-    rows: OutputRows
-    turn: float
-    field: Turbulence | BoxField
-    radii: Array
-    wind_speed: float
-
-    @classmethod
-    def of(
-        cls,
-        modal: Modal,
-        rows: OutputRows,
-        turn: float,
-        field: Turbulence | BoxField,
-        model: TurbineModel,
-    ) -> FieldResponse:
-        """For intervals of `rows`; `turn` is the azimuth [rad] of one step."""
-        intervals = max(1, round(BLOCK_STEPS / rows.steps))
-        matrix = np.kron(np.eye(intervals), rows.matrix(turn))
-        block = lift(modal, intervals * rows.steps, np.asarray(matrix, dtype=float))
-        return cls(modal, block, intervals, rows, turn, field, strip_radii(model), model.wind_speed)
-
-    @property
-    def _span(self) -> int:
-        return self.intervals_per_block * self.rows.steps
-
-    @property
-    def _run_in(self) -> int:
-        """Steps before the episode."""
-        return round(RUN_IN / self.modal.time_step)
-
-    def _blocks(self, intervals: int) -> int:
-        return -(-intervals // self.intervals_per_block)
-
-    def _disk(self, intervals: int) -> DiskTurbulence:
-        assert not isinstance(self.field, BoxField)
-        # The same numbers make another wind where it is to last longer. So lengths are few: whoever holds actions
-        # longer, and has to round its episode up to whole ones, meets the same wind.
-        steps = 2.0 ** (
-            math.ceil(4.0 * math.log2(self._run_in + self._blocks(intervals) * self._span + 1)) / 4.0
-        )
-        time_step = self.modal.time_step
-        return disk_turbulence(
-            self.field, self.radii, self.wind_speed, self.turn / time_step, time_step, math.ceil(steps)
-        )
-
-    def noise_count(self, intervals: int) -> int:
-        """Random numbers one realisation of so many intervals takes."""
-        if isinstance(self.field, BoxField):
-            return TRIES
-        return self._disk(intervals).noise_count
-
-    def _wind(self, noise: Array, intervals: int) -> StripWind:
-        """From `_run_in` steps before the episode to the end of its last block or longer."""
-        if isinstance(self.field, BoxField):
-            steps = np.arange(-self._run_in, self._blocks(intervals) * self._span + 1, dtype=np.float64)
-            duration = intervals * self.rows.steps * self.modal.time_step
-            return self.field.passing(noise, steps * self.modal.time_step, duration, self.radii)
-        return self._disk(intervals).draw(noise, self.field.deviation(self.wind_speed))
-
-    def respond(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
-        """Outputs that a realisation of the field causes.
-
-        Parameters
-        ----------
-        noise : (noise_count,) float
-            Standard normal numbers.
-        intervals : int
-            Length of the episode.
-        azimuth : float
-            Of blade 1 at its start [rad].
-
-        Returns
-        -------
-        first : (ny + 1,) float
-            Outputs at sample 0, blades in multi-blade coordinates, and the wind, here the mean over the disk.
-        rows : (intervals, rows.count) float
-            Rows of every interval.
-        """
-        span, blocks, wind = self._span, self._blocks(intervals), self._wind(noise, intervals)
-        since = np.arange(wind.steps, dtype=np.float64) - self._run_in
-        strips = wind.components(azimuth + self.turn * since).reshape(len(since), -1)
-        # Whole blocks before the episode.
-        run_in = self._run_in // span
-        begin = self._run_in - run_in * span
-        strips = strips[begin : begin + (run_in + blocks) * span + 1]
-        average = wind.rotor_average()
-        # Windows of one block each; the last sample of one is the first of the next.
-        windows = np.lib.stride_tricks.sliding_window_view(strips, span + 1, axis=0)[::span]
-        windows = windows.transpose(0, 2, 1).reshape(run_in + blocks, -1)
-        inputs = strips.shape[1]
-        pushes = (windows[:, : span * inputs] @ self.block.drive).view(complex)
-        equilibrium = self.modal.drive @ strips[0] / (1.0 - self.modal.values)
-        states = self.block.march(equilibrium, pushes)[run_in:]
-        first = (self.modal.read @ states[0].view(complex)).real + self.modal.D @ strips[run_in * span]
-        rows = states @ self.block.read + windows[run_in:] @ self.block.feed
-        rows = rows.reshape(-1, self.rows.count)[:intervals]
-        # The wind has no modes: its rows, at the samples kept, are what they are.
-        after = average[self._run_in + 1 :][: intervals * self.rows.steps].reshape(intervals, -1)
-        rows[:, self.rows.structural :] = after[:, self.rows.steps - self.rows.kept :]
-        first[-1] = average[self._run_in]
-        return first, rows
 
 
 def strip_system(model: TurbineModel) -> StateSpace:

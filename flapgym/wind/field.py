@@ -13,6 +13,7 @@ realisation of them.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -32,7 +33,7 @@ there, that of Kaimal's spectrum, whose corner at zero is a long memory, 0.032."
 WITHIN = 4
 """Points between two frequencies over which cross-spectra are averaged."""
 TAPS = 8
-"""Coarse samples that one fine sample is made of: to 5e-4 of an amplitude at the highest frequency (`_weights`)."""
+"""Coarse samples that one fine sample is made of: to 5e-4 of an amplitude at the highest frequency."""
 NODES = 4
 """Values of the decay, for each factor e, at which S_m is computed; a cubic spline of its logarithm goes between."""
 
@@ -215,6 +216,22 @@ def disk_turbulence(
     ValueError
         If one of these is out of range, or the field does not know its scale.
     """
+    rings = checked_rings(radii, wind_speed, rotor_speed, highest_frequency)
+    Quantity("time", above=0.0, at_most=0.5 / highest_frequency).check(time_step, "field.time_step")
+    Count(at_least=1).check(steps, "field.steps")
+    return _prepare(field, rings, wind_speed, rotor_speed, time_step, steps, highest_frequency)
+
+
+def checked_rings(
+    radii: Array, wind_speed: float, rotor_speed: float, highest_frequency: float
+) -> tuple[float, ...]:
+    """The radii of rings (R,) [m], which rise; speeds [m/s, rad/s] and frequency [Hz] are above zero.
+
+    Raises
+    ------
+    ValueError
+        Otherwise; the message names the value.
+    """
     rings = Numbers(dimension="length", axes=1, above=0.0).check(radii, "field.radii")
     if (np.diff(rings) <= 0.0).any():
         raise ValueError(f"field.radii: expected them to rise, got {', '.join(f'{r:g}' for r in rings)} m")
@@ -224,11 +241,7 @@ def disk_turbulence(
         ("highest_frequency", highest_frequency, "frequency"),
     ):
         Quantity(dimension, above=0.0).check(value, f"field.{name}")
-    Quantity("time", above=0.0, at_most=0.5 / highest_frequency).check(time_step, "field.time_step")
-    Count(at_least=1).check(steps, "field.steps")
-    return _prepare(
-        field, tuple(rings.tolist()), wind_speed, rotor_speed, time_step, steps, highest_frequency
-    )
+    return tuple(rings.tolist())
 
 
 @lru_cache(maxsize=8)
@@ -244,8 +257,7 @@ def _prepare(
     radii = np.array(rings)
     # Four coarse steps to the shortest period: the fewer, the more taps it takes to go between them.
     coarse = max(1, math.floor(0.25 / (highest * time_step)))
-    time_scale = float(field.spectrum(np.zeros(1), wind_speed)[0]) / 4.0
-    least = steps * time_step + SCALES_APART * time_scale
+    least = steps * time_step + SCALES_APART * time_scale(field, wind_speed)
     points = next_fast_len(math.ceil(least / (coarse * time_step)) + TAPS)
     period = points * coarse * time_step
     frequencies = np.arange(min(math.floor(highest * period), (points - 1) // 2) + 1) / period
@@ -279,8 +291,13 @@ def _prepare(
         clipped=float((clipped / variance).max()),
         coarse=coarse,
         points=points,
-        weights=_weights(coarse, highest * time_step),
+        weights=interpolation_weights(coarse, highest * time_step, TAPS),
     )
+
+
+def time_scale(field: Turbulence, wind_speed: float) -> float:
+    """Integral of the correlation at a point [s], at a mean wind [m/s]."""
+    return float(field.spectrum(np.zeros(1), wind_speed)[0]) / 4.0
 
 
 def needed_harmonics(
@@ -322,18 +339,43 @@ def harmonic_shares(
         M.
     """
     decay = field.decay(frequencies, wind_speed)
-    least, most = float(decay.min()), float(decay.max())
-    count = math.ceil(NODES * math.log(most / least)) + 4
-    # They depend on frequency through the decay alone, and smoothly: the spline is good to 1e-4.
-    nodes = decay if len(decay) <= count else np.geomspace(least, most, count)
-    shares = np.stack([_azimuthal(field, radii, node, harmonics) for node in nodes], axis=1)
-    if nodes is not decay:
-        from scipy.interpolate import CubicSpline  # half a second to import
+    if len(decay) <= _node_count(decay):
+        return np.stack([_azimuthal(field, radii, each, harmonics) for each in decay], axis=1)
+    return np.stack([share(decay) for share in shares_by_decay(field, radii, decay, harmonics)])
 
+
+def shares_by_decay(
+    field: Turbulence, radii: Array, decay: Array, harmonics: int
+) -> list[Callable[[Array], Array]]:
+    """S_m over the spectrum at a point, of each m from 0 to M a function of decays (F,) [1/m] to (F, R, R).
+
+    They depend on frequency through the decay alone, and smoothly: the spline is good to 1e-4.
+
+    Parameters
+    ----------
+    field : Turbulence
+    radii : (R,) float
+        [m]
+    decay : (N,) float
+        Between the least and the largest of which they hold [1/m].
+    harmonics : int
+        M.
+    """
+    from scipy.interpolate import CubicSpline  # half a second to import
+
+    nodes = np.geomspace(decay.min(), decay.max(), _node_count(decay))
+    shares = np.stack([_azimuthal(field, radii, node, harmonics) for node in nodes], axis=1)
+    first, last = np.log(nodes[0]), np.log(nodes[-1])
+
+    def of(spline: CubicSpline) -> Callable[[Array], Array]:
         # Held between the ends, which round-off may pass.
-        inside = np.clip(np.log(decay), np.log(nodes[0]), np.log(nodes[-1]))
-        shares = CubicSpline(np.log(nodes), shares, axis=1)(inside)
-    return np.asarray(shares)
+        return lambda decays: np.asarray(spline(np.clip(np.log(decays), first, last)))
+
+    return [of(CubicSpline(np.log(nodes), each)) for each in shares]
+
+
+def _node_count(decay: Array) -> int:
+    return math.ceil(NODES * math.log(float(decay.max()) / float(decay.min()))) + 4
 
 
 def _azimuthal(field: Turbulence, radii: Array, decay: float, harmonics: int) -> Array:
@@ -354,15 +396,24 @@ def _azimuthal(field: Turbulence, radii: Array, decay: float, harmonics: int) ->
 
 
 @lru_cache(maxsize=8)
-def _weights(coarse: int, highest: float) -> Array:
-    """Weights (coarse, TAPS) of the samples around a fine step, for waves of up to `highest` periods a fine step.
+def interpolation_weights(coarse: int, highest: float, taps: int) -> Array:
+    """Weights (coarse, taps) of the samples around a fine step, for waves of up to `highest` periods a fine step.
 
-    Least squares over those waves; where the steps meet, the sample itself.
+    Least squares over those waves; where the steps meet, the sample itself, which is number taps / 2 of them.
+
+    Parameters
+    ----------
+    coarse : int
+        Fine steps from one sample to the next.
+    highest : float
+        Less than half a period a sample.
+    taps : int
+        Even.
     """
-    taps = np.arange(1 - TAPS // 2, TAPS // 2 + 1)
+    around = np.arange(1 - taps // 2, taps // 2 + 1)
     place = np.arange(coarse) / coarse
     phase = 2.0 * np.pi * highest * coarse * np.linspace(-1.0, 1.0, 101)[:, None]
-    waves, wanted = np.exp(1j * phase * taps), np.exp(1j * phase * place)
+    waves, wanted = np.exp(1j * phase * around), np.exp(1j * phase * place)
     # A wave and its conjugate stand both among them, so the weights are real.
     solution, *_ = np.linalg.lstsq(waves, wanted, rcond=None)
     return np.ascontiguousarray(solution.real.T)

@@ -14,11 +14,11 @@ from flapgym.core.multiblade import blade_azimuths, to_blades, to_components
 from flapgym.model import load_model
 from flapgym.model.nameplate import nameplate
 from flapgym.model.signals import strip_inputs
-from flapgym.plant import Surroundings, surroundings
+from flapgym.plant import Surroundings, field_response
 from flapgym.plant.responses import realisation_azimuth
 from flapgym.plant.surroundings import LEFT_OUT, steady_response, strip_radii
 from flapgym.wind import Inflow
-from flapgym.wind.turbulence import VonKarman
+from flapgym.wind.turbulence import Kaimal, VonKarman
 from tests.plant.plants import (
     BACKENDS,
     LENGTH_SCALE,
@@ -35,7 +35,7 @@ RUN_IN = 600.0
 SHEAR = Inflow(shear_exponent=0.2)
 MISALIGNED = Inflow(shear_exponent=0.1, yaw_error=0.2, upflow=0.14)
 TOWER = Inflow(shear_exponent=0.2, tower_shadow=True)
-FIELD = VonKarman(0.1, LENGTH_SCALE)
+FIELD, KAIMAL = VonKarman(0.1, LENGTH_SCALE), Kaimal(hub_height=90.0)
 
 
 @cache
@@ -174,26 +174,23 @@ def field_plant(count, intervals=40, backend="numpy", field=FIELD, **stepping):
     return plant_of(count, 5, intervals, site_model(), backend, surroundings=around, **stepping)
 
 
-def drawn(plant, noise):
-    """Wind over the disk (`DiskWind`) that a plant makes of noise, its first sample that counts, and samples run in.
-
-    Whole blocks of steps are run in, from the first sample that counts.
-    """
-    response = plant._kernel.disturbance
-    disk = response._disk(plant.stepping.intervals)
-    begin = response._run_in % response._span
-    return disk.draw(noise, FIELD.deviation(site_model().wind_speed)), begin, response._run_in
+def winds_of(turbulence, noise):
+    """A period of winds by strip in components (T, 3 R) [m/s], each step the sum of its waves."""
+    waves = turbulence.waves(noise) * FIELD.deviation(site_model().wind_speed)
+    steps = round(turbulence.period / site_model().time_step)
+    summed = np.fft.ifft(waves, steps, axis=0, norm="forward").real
+    return summed.reshape(steps, -1)
 
 
-def field_marched(wind, begin, run_in, azimuth):
-    """Outputs (T, ny) from sample 0 of the turbine whose blades meet the field, each at its own azimuth."""
-    model = site_model()
-    since = np.arange(wind.steps) - run_in
-    turned = azimuth + model.rotor_speed * model.time_step * since
-    met = np.stack([wind.at(each) for each in blade_azimuths(turned).T], axis=-1)
-    strips = to_components(met, turned[:, None]).reshape(wind.steps, -1)
-    system = model.turbine.select(inputs=strip_inputs(model.strips))
-    return from_equilibrium(system, strips[begin:])[run_in - begin :]
+def marched_in_circles(inputs, winds):
+    """Outputs (T, ny) of the turbine under winds (T, nu) that repeat themselves, and always have."""
+    system = site_model().turbine.select(inputs=inputs)
+    state = np.zeros(system.order)
+    for push in winds @ system.B.T:
+        state = system.A @ state + push
+    # The state a period later is that of the beginning.
+    around = np.linalg.matrix_power(system.A, len(winds))
+    return system.simulate(winds, np.linalg.solve(np.eye(system.order) - around, state))
 
 
 def told_of(outputs, name, azimuth):
@@ -212,16 +209,19 @@ def test_an_episode_in_a_field_is_that_of_marching_through_the_field_to_1e9(step
     start = start_of(plant, intensity=np.full(2, 0.03), angle=np.zeros((2, 3)), rate=np.zeros((2, 3)))
     first = plant.reset(np.arange(2), start).last
     flight = flown(plant, start, np.zeros((count // steps, 2, 3)))
+    turbulence = plant._kernel.disturbance.prepared(count // steps).turbulence
+    radii = strip_radii(model)
+    annuli = radii * np.gradient(radii)
     for turbine in range(2):
-        wind, begin, run_in = drawn(plant, start.noise[turbine])
-        outputs = field_marched(wind, begin, run_in, start.azimuth[turbine])[: count + 1]
+        winds = winds_of(turbulence, start.noise[turbine])
+        outputs = marched_in_circles(strip_inputs(model.strips), winds)[: count + 1]
         azimuth = start.azimuth[turbine] + model.rotor_speed * model.time_step * np.arange(count + 1)
         for name in (*model.blade_outputs, *model.fixed_outputs):
             expected = told_of(outputs, name, azimuth)
             assert_near(flight.samples(name)[:, turbine], expected[1:], 1e-9, name)
             assert_near(first[turbine, plant.quantities.last[name]], expected[0], 1e-9, name)
-        average = wind.rotor_average()[run_in : run_in + count + 1]
-        assert_near(flight.samples("wind")[:, turbine, 0], average[1:], 1e-12, "wind")
+        average = winds[: count + 1, ::3] @ annuli / annuli.sum()
+        assert_near(flight.samples("wind")[:, turbine, 0], average[1:], 1e-9, "wind")
 
 
 def test_numpy_and_numba_tell_the_same_of_a_field_of_one_turbine_and_of_several():
@@ -242,22 +242,37 @@ def test_numpy_and_numba_tell_the_same_of_a_field_of_one_turbine_and_of_several(
 
 def test_a_field_that_is_the_same_over_the_disk_does_what_the_homogeneous_wind_does_to_1e9(monkeypatch):
     def the_same_everywhere(*given):
-        disk = disk_turbulence(*given)
-        root = np.zeros(disk.root.shape)
-        root[0] = disk.root[0, :, :1, :1]
-        return replace(disk, root=root)
+        turbulence = blade_turbulence(*given)
+        root = np.zeros(turbulence.root.shape)
+        root[:, 0] = turbulence.root[:, 0, :1, :1]
+        return replace(turbulence, root=root)
 
-    disk_turbulence = surroundings.disk_turbulence
-    monkeypatch.setattr(surroundings, "disk_turbulence", the_same_everywhere)
-    plant, model = field_plant(1), site_model()
-    start = start_of(plant, angle=np.zeros((1, 3)), rate=np.zeros((1, 3)))
-    flight = flown(plant, start, np.zeros((40, 1, 3)))
-    wind, begin, run_in = drawn(plant, start.noise[0])
-    outputs = from_equilibrium(model.turbine.select(inputs=["wind"]), wind.rotor_average()[begin:, None])
-    outputs = outputs[run_in - begin + 1 :][:200]
-    azimuth = start.azimuth[0] + model.rotor_speed * model.time_step * np.arange(1, 201)
-    for name in (*model.blade_outputs, *model.fixed_outputs):
-        assert_near(flight.samples(name)[:, 0], told_of(outputs, name, azimuth), 1e-9, name)
+    blade_turbulence = field_response.blade_turbulence
+    monkeypatch.setattr(field_response, "blade_turbulence", the_same_everywhere)
+    # A copy, for which nothing is prepared yet.
+    response = replace(field_plant(1)._kernel.disturbance)
+    synthesis = response.prepared(40)
+    noise = np.random.default_rng(3).standard_normal(synthesis.turbulence.noise_count)
+    expected = marched_in_circles(["wind"], winds_of(synthesis.turbulence, noise)[:, :1])
+    got = synthesis.outputs(noise, 200)
+    for name, one in zip(response.modal.outputs[:-1], got.T, strict=False):
+        other = expected[:200, site_model().turbine.outputs.index(name)]
+        # Of outputs that nothing moves, as the rotor is symmetric, there is round-off alone.
+        assert_near(one, other, 1e-9 if np.abs(other).max() > 1e-12 else np.inf, name)
+
+
+@pytest.mark.parametrize("field", [FIELD, KAIMAL], ids=["von_karman", "kaimal"])
+def test_the_same_seed_meets_the_same_field_however_long_actions_are_held(field):
+    seconds = 20.0 / site_model().time_step
+    found = []
+    for steps in (1, 5, 50):
+        intervals = int(np.ceil(seconds / steps))
+        plant = plant_of(1, steps, intervals, site_model(), "numpy", surroundings=Surroundings(field=field))
+        synthesis = plant._kernel.disturbance.prepared(intervals)
+        noise = np.random.default_rng(8).standard_normal(plant.noise_count)
+        found.append(synthesis.outputs(noise, 2850))
+    for other in found[1:]:
+        assert_near(other, found[0], 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -278,6 +293,15 @@ def test_unequal_blades_are_refused_even_if_the_model_has_the_inputs(around, nam
 def test_a_single_blade_is_refused_as_it_does_not_turn():
     with pytest.raises(ValueError, match=r"^surroundings: expected none with the single blade"):
         field_plant(1, single_blade=True)
+
+
+def test_a_model_whose_steps_are_longer_than_half_a_wave_of_the_field_is_refused():
+    response = field_plant(1)._kernel.disturbance
+    slow = replace(
+        response, modal=replace(response.modal, time_step=0.2), turn=0.2 * site_model().rotor_speed
+    )
+    with pytest.raises(ValueError, match=r"^field\.time_step: expected 0 s < time < 0\.156.* s, got 0\.2 s$"):
+        slow.prepared(40)
 
 
 def test_an_episode_in_a_field_begins_as_lively_as_it_ends():

@@ -16,9 +16,11 @@ from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
+from flapgym.envs.settings import Settings
 from flapgym.evaluation.bank import LinearBank, same_kind
 from flapgym.evaluation.metrics import Record
 from flapgym.model.turbine_model import TurbineModel
+from flapgym.plant.surroundings import steady_response
 
 _SAMPLES = ("rbm", "tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "tower_side_side", "wind")
 
@@ -105,6 +107,40 @@ def get_ready(model: TurbineModel) -> None:
 def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **settings: Any) -> Array:
     """Wind perturbation of each realisation at samples 1 to so many, (N, samples) [m/s]; no agent changes it."""
     return simulate(OpenLoop(), model, seeds, samples * model.time_step, **settings).wind
+
+
+def steady_loads(model: TurbineModel, azimuth: Array, samples: int, **settings: Any) -> dict[str, Array]:
+    """What steady inflow and gravity do to every output, flaps at rest; no agent and no turbulence changes it.
+
+    Parameters
+    ----------
+    model : TurbineModel
+    azimuth : (N,) float
+        Of blade 1 one time step before the first sample [rad], as a `Record` has it.
+    samples : int
+        T.
+    **settings
+        Further keywords of the environment, as `wind`.
+
+    Returns
+    -------
+    dict
+        By name, about the mean over a revolution: of the blades' outputs (N, T, 3), of the fixed ones (N, T). Empty
+        where nothing is steady.
+
+    Raises
+    ------
+    ValueError
+        If the model has no inputs for what the settings ask for.
+    """
+    around = Settings.of({"model": model, **settings}, "steady_loads").surroundings(model)
+    if not around.steady:
+        return {}
+    response = steady_response(model, around, model.turbine.outputs)
+    turned = model.rotor_speed * model.time_step * np.arange(1, samples + 1)
+    # One realisation after another: the phases of all harmonics at every sample take more memory than the loads.
+    each = [response.told(begun + turned) for begun in azimuth]
+    return {name: np.stack([one[name] for one in each]) for name in each[0]}
 
 
 @dataclass(eq=False)

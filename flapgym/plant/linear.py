@@ -9,7 +9,6 @@ import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, FloatArray, IntArray
 from flapgym.model.multiblade import to_blades, to_components
-from flapgym.model.signals import COMPONENTS, grouped
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.fingerprint import plant_fingerprint
 from flapgym.plant.parameters import Episode, Loads, Parameters, State, Stepping, parameters_of, prepare
@@ -120,12 +119,7 @@ class LinearPlant:
         """
         if self._kernel.steady is None:
             raise ValueError("steady: expected steady inflow or gravity around the plant, there is none")
-        found, names = self._kernel.steady.at(azimuth), self._kernel.flap.outputs
-        told: dict[str, Array] = {}
-        for base, of_blades in grouped(names[:-1]):
-            at = names.index(f"{base}_{COMPONENTS[0]}" if of_blades else base)
-            told[base] = to_blades(found[:, at : at + BLADES], azimuth) if of_blades else found[:, at]
-        return told
+        return self._kernel.steady.told(azimuth)
 
     def get_ready(self) -> None:
         """Take a step that leaves no trace: code is compiled or read now, and no later step waits for it."""

@@ -16,6 +16,7 @@ from flapgym.core.fields import to_plain
 from flapgym.core.state_space import series
 from flapgym.core.wording import number, shown
 from flapgym.envs.actions import UNREADABLE, numbers, refuse_not_finite
+from flapgym.envs.disk import AZIMUTHS, EpisodeWind, azimuths, parts_of
 from flapgym.envs.settings import Settings
 from flapgym.envs.states import (
     DAMAGE,
@@ -28,6 +29,7 @@ from flapgym.envs.states import (
     reason,
 )
 from flapgym.envs.task import CHEAP, observe, places, rewards
+from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import LinearPlant, Loads, Quantities, Start, Stepping, chosen_backend, make_plant
 from flapgym.plant.fingerprint import fingerprint
@@ -171,6 +173,31 @@ class Turbines:
         now = self._noise[turbines, 0] if self._noise.size else None
         return observe(self.scoring, loads.last, now), self.info(loads.last)
 
+    def wind_over_disk(self, turbine: int) -> EpisodeWind | None:
+        """What blows at a turbine's blades in its episode, made again: no plant keeps it. None without a field."""
+        origin, around = self._origins[turbine], self.stepping.surroundings
+        if origin is None or around.field is None:
+            return None
+        assert isinstance(self.plant, LinearPlant)
+        start, _ = self._start(np.array([turbine]), [generator_of(fresh(origin["generator"]))], [origin])
+        field, begin = self.plant.field(start)
+        steady = np.zeros((len(field.radii), AZIMUTHS))
+        if around.inflow is not None:
+            disk = nameplate(self.model.case).disk
+            assert disk is not None  # `Surroundings.require` has seen it
+            steady = around.inflow.on_disk(field.radii, azimuths(), disk, self.model.wind_speed)
+        gust = self._gust
+        samples = self.stepping.intervals * self.stepping.steps_per_action + 1
+        return EpisodeWind(
+            field=field,
+            begin=begin,
+            steps_per_action=self.stepping.steps_per_action,
+            steady=steady,
+            gust=np.zeros(samples) if gust is None else gust.wind,
+            deviation=float(np.hypot(around.field.deviation(self.model.wind_speed), steady.std())),
+            parts=parts_of(around, gust is not None),
+        )
+
     def _reset(
         self,
         turbines: IntArray,
@@ -229,9 +256,15 @@ class Turbines:
         else:
             del told["azimuth"]
         if self.settings.full_info and self.stepping.surroundings.steady:
-            assert isinstance(self.plant, LinearPlant)
-            told["rbm_steady"] = self.plant.steady(told["azimuth"])["rbm"]
+            told["rbm_steady"] = self.steady(told["azimuth"])["rbm"]
         return told
+
+    def steady(self, azimuth: Array) -> dict[str, Array]:
+        """What steady inflow and gravity do to the outputs computed, see `LinearPlant.steady`; empty without them."""
+        if not self.stepping.surroundings.steady:
+            return {}
+        assert isinstance(self.plant, LinearPlant)
+        return self.plant.steady(azimuth)
 
     def get_state(self) -> dict[str, Any]:
         """The state of all turbines as plain values for JSON."""

@@ -16,11 +16,9 @@ from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
-from flapgym.envs.settings import Settings
 from flapgym.evaluation.bank import LinearBank, same_kind
 from flapgym.evaluation.metrics import Record
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant.surroundings import steady_response
 
 _SAMPLES = ("rbm", "tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "tower_side_side", "wind")
 
@@ -133,13 +131,12 @@ def steady_loads(model: TurbineModel, azimuth: Array, samples: int, **settings: 
     ValueError
         If the model has no inputs for what the settings ask for.
     """
-    around = Settings.of({"model": model, **settings}, "steady_loads").surroundings(model)
-    if not around.steady:
-        return {}
-    response = steady_response(model, around, model.turbine.outputs)
+    # Of samples all outputs are told.
+    environment = FlapVectorEnv(model=model, record_samples=True, **settings)
     turned = model.rotor_speed * model.time_step * np.arange(1, samples + 1)
     # One realisation after another: the phases of all harmonics at every sample take more memory than the loads.
-    each = [response.told(begun + turned) for begun in azimuth]
+    each = [environment.steady(begun + turned) for begun in azimuth]
+    environment.close()
     return {name: np.stack([one[name] for one in each]) for name in each[0]}
 
 

@@ -12,10 +12,12 @@ from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.fingerprint import plant_fingerprint
 from flapgym.plant.parameters import Episode, Loads, Parameters, State, Stepping, parameters_of, prepare
-from flapgym.plant.responses import Responses
+from flapgym.plant.responses import Responses, realisation_noise
 from flapgym.plant.start import Start
 from flapgym.plant.stuck import stuck_modes
+from flapgym.plant.surroundings import FieldResponse
 from flapgym.plant.telling import tell
+from flapgym.wind.field import DiskWind
 
 Step = Callable[[Parameters, Episode, State, FloatArray], tuple[State, Loads]]
 
@@ -106,6 +108,24 @@ class LinearPlant:
         self.state = State(elapsed, all_flaps, all_modes)
         responses = self._responses
         self.episode = Episode(azimuths, responses.rows, responses.place, responses.level)
+
+    def field(self, start: Start) -> tuple[DiskWind, int]:
+        """The field in which the one turbine of a start begins, made again, and its step at the episode's sample 0.
+
+        Raises
+        ------
+        ValueError
+            If there is no field around this plant.
+        """
+        response = self._kernel.disturbance
+        if not isinstance(response, FieldResponse):
+            raise ValueError("field: expected a field around the plant, there is none")
+        if start.noise is not None:
+            (noise,) = start.noise
+        else:
+            assert start.realisation is not None
+            noise = realisation_noise(int(start.realisation[0]), self.noise_count)
+        return response.realisation(noise, self.stepping.intervals)
 
     def steady(self, azimuth: Array) -> dict[str, Array]:
         """What steady inflow and gravity do to the outputs at azimuths of blade 1 (n,) [rad], about its mean.

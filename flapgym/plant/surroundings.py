@@ -23,7 +23,7 @@ from flapgym.plant.frame import OutputRows
 from flapgym.plant.lifted import Lifted, lift
 from flapgym.plant.modal import Modal
 from flapgym.wind import Inflow
-from flapgym.wind.field import DiskTurbulence, disk_turbulence
+from flapgym.wind.field import DiskTurbulence, DiskWind, disk_turbulence
 from flapgym.wind.turbulence import Turbulence
 
 RUN_IN = 20.0
@@ -230,6 +230,11 @@ class FieldResponse:
         """Random numbers one realisation of so many intervals takes."""
         return self._disk(intervals).noise_count
 
+    def realisation(self, noise: Array, intervals: int) -> tuple[DiskWind, int]:
+        """The field that normal numbers (noise_count,) make, and its step at which the episode begins."""
+        wind = self._disk(intervals).draw(noise, self.field.deviation(self.wind_speed))
+        return wind, self._run_in
+
     def respond(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
         """Outputs that a realisation of the field causes.
 
@@ -249,9 +254,9 @@ class FieldResponse:
         rows : (intervals, rows.count) float
             Rows of every interval.
         """
-        span, blocks, disk = self._span, self._blocks(intervals), self._disk(intervals)
-        wind = disk.draw(noise, self.field.deviation(self.wind_speed))
-        since = np.arange(disk.steps, dtype=np.float64) - self._run_in
+        span, blocks = self._span, self._blocks(intervals)
+        wind, _ = self.realisation(noise, intervals)
+        since = np.arange(wind.steps, dtype=np.float64) - self._run_in
         strips = wind.components(azimuth + self.turn * since).reshape(len(since), -1)
         # Whole blocks before the episode.
         run_in = self._run_in // span

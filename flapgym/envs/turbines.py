@@ -17,6 +17,7 @@ from flapgym.core.state_space import series
 from flapgym.core.wording import number, shown
 from flapgym.envs.actions import UNREADABLE, numbers, refuse_not_finite
 from flapgym.envs.disk import AZIMUTHS, EpisodeWind, azimuths, parts_of
+from flapgym.envs.linear_range import LINEAR_SHARE, in_words, warn_beyond, whence
 from flapgym.envs.settings import Settings
 from flapgym.envs.states import (
     DAMAGE,
@@ -105,6 +106,7 @@ class Turbines:
         self._told = columns_told(self.quantities, self.quantities.last)
         self._sampled = columns_told(self.quantities, self.quantities.sample)
         self.intensity = wind.intensities(count, self.model.turbulence_intensity)
+        self._linear_limit = LINEAR_SHARE * self.model.wind_speed
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
         self.plant = make_plant(self.model, count, self.stepping, settings.backend)
@@ -206,6 +208,14 @@ class Turbines:
     ) -> Loads:
         start, noise = self._start(turbines, generators, chosen)
         loads = self.plant.reset(turbines, start)
+        # Of the mean over the rotor, about which loads are linear. At a single strip a field of the standard's class B
+        # goes beyond in every episode, and averages out along the blade: a warning that always comes would say nothing.
+        strongest = self.plant.strongest_wind[turbines].tolist()
+        if max(strongest, default=0.0) > self._linear_limit:
+            row = strongest.index(max(strongest))
+            drawn = chosen[row]["realisation_seed"] if start.realisation is None else start.realisation[row]
+            source = whence(generators[row], drawn)
+            warn_beyond(self.model, in_words(self.settings.wind), source, strongest[row])
         if noise is not None:
             self._noise[turbines] = noise[:, :, : self.quantities.blades]
         # Before an episode the moments are taken to have been those of its first sample.

@@ -69,6 +69,11 @@ class LinearPlant:
         """Standard normal numbers one turbine's realisation takes."""
         return self._kernel.disturbance.noise_count(self.stepping.intervals)
 
+    @property
+    def strongest_wind(self) -> Array:
+        """Largest modulus of the wind in each turbine's episode, mean over the rotor, (n,) [m/s]."""
+        return self._responses.strongest
+
     def reset(self, turbines: IntArray, start: Start) -> Loads:
         """Begin an episode of m turbines; their loads at sample 0."""
         p, kernel = self.parameters, self._kernel

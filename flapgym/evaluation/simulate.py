@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flapgym.control import Agent, OpenLoop
 from flapgym.control.agent import check_fit
 from flapgym.core.arrays import BLADES, Array
-from flapgym.core.fields import Quantity
+from flapgym.core.fields import Count, Numbers, Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
 from flapgym.evaluation.bank import LinearBank, same_kind
@@ -129,13 +129,15 @@ def steady_loads(model: TurbineModel, azimuth: Array, samples: int, **settings: 
     Raises
     ------
     ValueError
-        If the model has no inputs for what the settings ask for.
+        If the azimuths are no numbers, there is no sample, or the model has no inputs for what the settings ask for.
     """
+    begun = Numbers("angle", axes=1).check(azimuth, "steady_loads.azimuth")
+    Count(at_least=1).check(samples, "steady_loads.samples")
     # Of samples all outputs are told.
     environment = FlapVectorEnv(model=model, record_samples=True, **settings)
     turned = model.rotor_speed * model.time_step * np.arange(1, samples + 1)
     # One realisation after another: the phases of all harmonics at every sample take more memory than the loads.
-    each = [environment.steady(begun + turned) for begun in azimuth]
+    each = [environment.steady(angle + turned) for angle in begun]
     environment.close()
     return {name: np.stack([one[name] for one in each]) for name in each[0]}
 

@@ -195,6 +195,20 @@ def test_nothing_is_steady_where_turbulence_alone_loads_the_turbine(site_model):
     assert steady_loads(site_model, np.zeros(1), 5, wind={"field": FIELD}) == {}
 
 
+@pytest.mark.parametrize(
+    ("azimuth", "samples", "settings", "message"),
+    [
+        ([[0.0]], 5, {}, "steady_loads.azimuth: expected"),
+        ([np.nan], 5, {}, "steady_loads.azimuth: expected"),
+        ([0.0], 0, {}, "steady_loads.samples: expected"),
+        ([0.0], 5, {"gravity": True}, "gravity: expected a model with gravity as an input"),
+    ],
+)
+def test_steady_loads_of_nothing_sensible_are_refused(azimuth, samples, settings, message):
+    with pytest.raises(ValueError, match=message):
+        steady_loads(MODEL, azimuth, samples, **settings)
+
+
 def test_turbulence_alone_at_a_site_is_what_its_field_does_without_shear_tower_and_weight(site_model):
     record = simulate(OpenLoop(), site_model, [7], 10.0, wind={"field": FIELD})
     (alone,) = [each for each in channel_loads(record) if each.channel == "rbm_edge"]

@@ -251,7 +251,12 @@ ELSEWHERE = {
     "tests/control/test_agents.py": ("agent_design", "load_agent", "save_agent"),
     "tests/control/test_time_step.py": ("balance", "design_model", "relative_error", "stability"),
     "tests/evaluation/test_bands.py": ("bands",),
-    "tests/evaluation/test_channels.py": ("channel_loads", "damage_equivalent_loads", "split"),
+    "tests/evaluation/test_channels.py": (
+        "channel_loads",
+        "damage_equivalent_loads",
+        "split",
+        "steady_loads",
+    ),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
     "tests/evaluation/test_metrics.py": (
         "damage_equivalent_load",

@@ -201,7 +201,7 @@ def flap_ends(first=11.75, start=0.4, end=0.65):
 def flap_rows(model):
     """Radii over the rotor radius between which the flap of blade 1, upright and at its stop, is painted."""
     pytest.importorskip("pygame")
-    screen = Screen(model, "rgb_array", 0.1)
+    screen = Screen(model, "rgb_array", 0.1, lambda: None)
     angle = np.array([model.flaps[0].angle_limit, 0.0, 0.0])
     screen.resume({"flap_angle": angle, "azimuth": 0.0}, 0)
     red = (screen.picture() == (200, 40, 40)).all(axis=2)[: int(HUB[1]), :310]

@@ -5,8 +5,10 @@ Drawn with pygame, loaded only when an environment is made with a render mode.
 
 from __future__ import annotations
 
+import textwrap
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +16,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from flapgym.envs.disk import SHOWN_DEVIATIONS, EpisodeWind, Raster, wind_colours
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import TurbineModel
 
@@ -43,6 +46,8 @@ BLADE_SPAN = (0.02, 1.0)
 """Ends of the drawn blade over the rotor radius; its chords, and the flaps', are symbols and no blade's own."""
 WIDEST = 0.2
 """Where the drawn blade is widest, over the rotor radius."""
+SCALE_PLACE, SCALE_WIDTH = (20, 338), 90
+"""Of the colours of the wind [pixels]: left of the tower, below the disk."""
 
 
 class Screen:
@@ -55,11 +60,21 @@ class Screen:
         "rgb_array" or "human".
     period : float
         Time between frames [s].
+    blowing : callable
+        Makes the wind over the disk in the episode that runs, None where it is the same all over.
     """
 
-    def __init__(self, model: TurbineModel, mode: str, period: float) -> None:
+    def __init__(
+        self, model: TurbineModel, mode: str, period: float, blowing: Callable[[], EpisodeWind | None]
+    ) -> None:
         self._model, self._mode, self._period = model, mode, period
-        flaps, spans = len(model.flaps), nameplate(model.case).flap_spans
+        self._blowing = blowing
+        self._wind: EpisodeWind | None = None
+        self._wind_known = False
+        """Whether this episode's has been asked for."""
+        plate = nameplate(model.case)
+        self._rotor_radius = plate.rotor_radius
+        flaps, spans = len(model.flaps), plate.flap_spans
         # A model that does not tell where its flaps are shows their angles along the whole blade, side by side.
         ends = np.linspace(*BLADE_SPAN, flaps + 1)
         self._spans = spans if len(spans) == flaps else tuple(pairwise(ends))
@@ -107,6 +122,7 @@ class Screen:
         """
         self._history.clear()
         self._now, self._elapsed = now, elapsed
+        self._wind, self._wind_known = None, False
 
     def record(self, info: dict[str, Any]) -> None:
         """Add one instant, an environment's `info`."""
@@ -180,19 +196,53 @@ class Screen:
             self._text(f"{seconds - SPAN:.0f}", (338 + 14 * seconds, 445), 16, WIND)
         self._text("time [s]", (464, 460), 16, WIND)
 
+    def _over_disk(self) -> EpisodeWind | None:
+        """The wind over the disk in this episode, made when it is first drawn."""
+        if not self._wind_known:
+            self._wind, self._wind_known = self._blowing(), True
+        return self._wind
+
+    def _disk(self, wind: EpisodeWind) -> None:
+        """The wind at this moment by colour, and the scale of it beside the tower."""
+        assert self._rotor_radius is not None  # a field takes a case that tells it
+        reach = round(REACH)
+        raster = _raster(tuple(wind.field.radii.tolist()), self._rotor_radius, reach)
+        most = SHOWN_DEVIATIONS * wind.deviation
+        left, top = round(HUB[0]) - reach, round(HUB[1]) - reach
+        pixels = self._pygame.surfarray.pixels3d(self._canvas)
+        around = pixels[left : left + 2 * reach + 1, top : top + 2 * reach + 1]
+        around[raster.inside] = wind_colours(raster.values(wind.at(self._elapsed)) / most)
+        bar = np.linspace(-1.0, 1.0, SCALE_WIDTH)
+        x, y = SCALE_PLACE
+        pixels[x : x + SCALE_WIDTH, y : y + 8] = wind_colours(bar)[:, None]
+        del pixels, around  # they lock the canvas
+        self._pygame.draw.rect(self._canvas, GREY, (x, y, SCALE_WIDTH, 8), 1)
+        for share, label in ((0.0, f"{-most:.2g}"), (0.5, "0"), (0.9, f"{most:+.2g}")):
+            self._text(label, (x + share * SCALE_WIDTH, y + 10), 16, WIND)
+        self._text("wind by colour [m/s]", (x, y - 14), 16)
+        for line, parts in enumerate(textwrap.wrap(wind.parts, 25)):
+            self._text(parts, (165, y - 14 + 12 * line), 16)
+
     def _rotor(self, now: dict[str, Any]) -> None:
         """Tower, blades and flaps; seen from upwind the rotor turns clockwise."""
         draw = self._pygame.draw
+        wind = self._over_disk()
         if "azimuth" in now:
             foot = [(HUB[0] - 3, HUB[1]), (HUB[0] + 3, HUB[1]), (HUB[0] + 6, 362), (HUB[0] - 6, 362)]
             draw.polygon(self._canvas, GREY, foot)
+            if wind is not None:
+                self._disk(wind)
+                draw.polygon(self._canvas, GREY, foot, 1)
             draw.circle(self._canvas, GREY, HUB, REACH, 1)
         for blade, (angles, colour) in enumerate(zip(self._by_blade(now), BLADE_COLOURS, strict=False)):
             azimuth = now.get("azimuth", 0.0) + 2.0 * np.pi * blade / 3.0
             root, tip = BLADE_SPAN
             forward = [(root, 3.0), (WIDEST, 5.0), (tip, 1.5)]
             outline = [*forward, *((radius, _trailing_edge(radius)) for radius in (tip, WIDEST, root))]
-            draw.polygon(self._canvas, BLADE, [_place(azimuth, *corner) for corner in outline])
+            outline = [_place(azimuth, *corner) for corner in outline]
+            draw.polygon(self._canvas, BLADE, outline)
+            if wind is not None:
+                draw.polygon(self._canvas, INK, outline, 1)
             for angle, span in zip(angles, self._spans, strict=True):
                 corners = [_place(azimuth, *corner) for corner in flap_outline(*span)]
                 draw.polygon(self._canvas, _flap_colour(angle / self._angle_limit), corners)
@@ -246,6 +296,11 @@ class Screen:
 
     def _text(self, text: str, place: Point, size: int, colour: Colour = INK) -> None:
         self._canvas.blit(self._fonts[size].render(text, True, colour), place)
+
+
+@lru_cache(maxsize=4)
+def _raster(radii: tuple[float, ...], rotor_radius: float, reach: int) -> Raster:
+    return Raster.of(np.array(radii), rotor_radius, reach)
 
 
 def _angles_text(blade: int, degrees: NDArray[np.float64]) -> str:

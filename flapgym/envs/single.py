@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -187,7 +188,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     turns: `single_blade=True` is refused. What is steady depends on the azimuth alone, and loads are told about their
     means over a revolution under it. `wind.field` is a mapping of its `kind` and entries in SI units, or an object of
     `flapgym.wind.VonKarman` or `Kaimal`. It takes the place of `wind.turbulence_intensity` and `wind.length_scale`,
-    which are refused beside it.
+    which are refused beside it. A picture (`render_mode`) shows the wind over the disk by colour.
 
     | `kind` | further entries | turbulence |
     |---|---|---|
@@ -264,7 +265,12 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._screen = (
             None
             if render_mode is None
-            else Screen(self._turbines.model, render_mode, self._turbines.action_time)
+            else Screen(
+                self._turbines.model,
+                render_mode,
+                self._turbines.action_time,
+                partial(self._turbines.wind_over_disk, 0),
+            )
         )
         self._actions = self.action_space.shape or ()
         self._observed = self._turbines.scoring.columns.size

@@ -16,6 +16,8 @@ from flapgym.core.fields import to_plain
 from flapgym.core.state_space import series
 from flapgym.core.wording import number, shown
 from flapgym.envs.actions import UNREADABLE, numbers, refuse_not_finite
+from flapgym.envs.disk import AZIMUTHS, EpisodeWind, azimuths, parts_of
+from flapgym.envs.linear_range import LINEAR_SHARE, in_words, warn_beyond, whence
 from flapgym.envs.settings import Settings
 from flapgym.envs.states import (
     DAMAGE,
@@ -28,6 +30,7 @@ from flapgym.envs.states import (
     reason,
 )
 from flapgym.envs.task import CHEAP, observe, places, rewards
+from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import LinearPlant, Loads, Quantities, Start, Stepping, chosen_backend, make_plant
 from flapgym.plant.fingerprint import fingerprint
@@ -107,6 +110,7 @@ class Turbines:
         self._told = columns_told(self.quantities, self.quantities.last)
         self._sampled = columns_told(self.quantities, self.quantities.sample)
         self.intensity = wind.intensities(count, self.model.turbulence_intensity)
+        self._linear_limit = LINEAR_SHARE * self.model.wind_speed
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
         self.plant = make_plant(self.model, count, self.stepping, settings.backend)
@@ -175,6 +179,33 @@ class Turbines:
         now = self._noise[turbines, 0] if self._noise.size else None
         return observe(self.scoring, loads.last, now), self.info(loads.last)
 
+    def wind_over_disk(self, turbine: int) -> EpisodeWind | None:
+        """What blows at a turbine's blades in its episode, made again: no plant keeps it. None without a field."""
+        origin, around = self._origins[turbine], self.stepping.surroundings
+        if origin is None or around.field is None:
+            return None
+        assert isinstance(self.plant, LinearPlant)
+        start, _ = self._start(np.array([turbine]), [generator_of(fresh(origin["generator"]))], [origin])
+        field = self.plant.field(start)
+        steady = np.zeros((len(field.radii), AZIMUTHS))
+        if around.inflow is not None:
+            disk = nameplate(self.model.case).disk
+            assert disk is not None  # `Surroundings.require` has seen it
+            steady = around.inflow.on_disk(field.radii, azimuths(), disk, self.model.wind_speed)
+        gust = self._gust
+        samples = self.stepping.intervals * self.stepping.steps_per_action + 1
+        return EpisodeWind(
+            field=field,
+            azimuth=float(start.azimuth[0]),
+            turn=self.model.rotor_speed * self.model.time_step,
+            time_step=self.model.time_step,
+            steps_per_action=self.stepping.steps_per_action,
+            steady=steady,
+            gust=np.zeros(samples) if gust is None else gust.wind,
+            deviation=float(np.hypot(around.field.deviation(self.model.wind_speed), steady.std())),
+            parts=parts_of(around, gust is not None),
+        )
+
     def _reset(
         self,
         turbines: IntArray,
@@ -183,6 +214,14 @@ class Turbines:
     ) -> Loads:
         start, noise = self._start(turbines, generators, chosen)
         loads = self.plant.reset(turbines, start)
+        # Of the mean over the rotor, about which loads are linear. At a single strip a field of the standard's class B
+        # goes beyond in every episode, and averages out along the blade: a warning that always comes would say nothing.
+        strongest = self.plant.strongest_wind[turbines].tolist()
+        if max(strongest, default=0.0) > self._linear_limit:
+            row = strongest.index(max(strongest))
+            drawn = chosen[row]["realisation_seed"] if start.realisation is None else start.realisation[row]
+            source = whence(generators[row], drawn)
+            warn_beyond(self.model, in_words(self.settings.wind), source, strongest[row])
         if noise is not None:
             self._noise[turbines] = noise[:, :, : self.quantities.blades]
         # Before an episode the moments are taken to have been those of its first sample.
@@ -234,9 +273,15 @@ class Turbines:
         else:
             del told["azimuth"]
         if self.settings.full_info and self.stepping.surroundings.steady:
-            assert isinstance(self.plant, LinearPlant)
-            told["rbm_steady"] = self.plant.steady(told["azimuth"])["rbm"]
+            told["rbm_steady"] = self.steady(told["azimuth"])["rbm"]
         return told
+
+    def steady(self, azimuth: Array) -> dict[str, Array]:
+        """What steady inflow and gravity do to the outputs computed, see `LinearPlant.steady`; empty without them."""
+        if not self.stepping.surroundings.steady:
+            return {}
+        assert isinstance(self.plant, LinearPlant)
+        return self.plant.steady(azimuth)
 
     def get_state(self) -> dict[str, Any]:
         """The state of all turbines as plain values for JSON."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -114,7 +115,8 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             "autoreset_mode": self.autoreset_mode,
         }
         self._screens = [
-            Screen(self.model, "rgb_array", period) for _ in range(num_envs if render_mode else 0)
+            Screen(self.model, "rgb_array", period, partial(self._turbines.wind_over_disk, turbine))
+            for turbine in range(num_envs if render_mode else 0)
         ]
         self.single_observation_space = self._turbines.observation_space
         self.single_action_space = self._turbines.action_space
@@ -300,6 +302,14 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         """Angle and rate of every flap, (num_envs, blades F) each [rad, rad/s]."""
         angle, rate = self._turbines.plant.flap_motion()
         return angle.copy(), rate.copy()
+
+    def steady(self, azimuth: Array) -> dict[str, Array]:
+        """What steady inflow and gravity do to each output at azimuths of blade 1 (T,) [rad], flaps at rest.
+
+        By name, in SI units about the mean over a revolution: of the blades' outputs (T, blades), of the fixed ones
+        (T,). Of the model's outputs those that are computed, all under `record_samples`. Empty where nothing is steady.
+        """
+        return self._turbines.steady(azimuth)
 
     def _show(
         self, info: Info, begun: NDArray[np.int64] = NO_TURBINES, turbines: NDArray[np.int64] | None = None

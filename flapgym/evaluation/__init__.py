@@ -15,7 +15,7 @@ from flapgym.evaluation.metrics import (
     summed_damage_load,
 )
 from flapgym.evaluation.report import as_json, as_markdown, as_text, writable_folder, write_report
-from flapgym.evaluation.simulate import simulate, simulate_together
+from flapgym.evaluation.simulate import simulate, simulate_together, steady_loads
 
 __all__ = [
     "SCORED_SEED",
@@ -46,6 +46,7 @@ __all__ = [
     "simulate",
     "simulate_together",
     "split",
+    "steady_loads",
     "summed_damage_change",
     "summed_damage_load",
     "writable_folder",

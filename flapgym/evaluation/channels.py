@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +48,8 @@ class ChannelLoads:
         S-N slopes.
     equivalent : (slopes, N, P) float
         Damage-equivalent load, a range.
+    turbulence : ChannelLoads or None
+        The same of turbulence alone (`split`); None where nothing but turbulence loads the turbine.
     """
 
     channel: str
@@ -55,6 +57,7 @@ class ChannelLoads:
     rms: Array
     slopes: tuple[float, ...]
     equivalent: Array
+    turbulence: ChannelLoads | None = None
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,8 @@ class ChannelScore:
     rms_change : Estimate
         Mean of the realisations' ratios to open loop less one.
     slopes : tuple of SlopeScore
+    turbulence : ChannelScore or None
+        The same of turbulence alone, against open loop's turbulence alone; None where nothing else loads the turbine.
     """
 
     channel: str
@@ -98,6 +103,7 @@ class ChannelScore:
     rms: float
     rms_change: Estimate
     slopes: tuple[SlopeScore, ...]
+    turbulence: ChannelScore | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,23 +127,46 @@ class Split:
     turbulence_equivalent: Array
 
 
-def channel_loads(record: Record, slopes: Sequence[float] = SLOPES) -> tuple[ChannelLoads, ...]:
+def channel_loads(
+    record: Record, slopes: Sequence[float] = SLOPES, steady: Mapping[str, Array] | None = None
+) -> tuple[ChannelLoads, ...]:
     """Rms and damage-equivalent loads of the root moments and of every further output of the model.
+
+    Parameters
+    ----------
+    record : Record
+    slopes : sequence of float
+        S-N slopes.
+    steady : mapping of str to (N, T, 3) or (N, T) float, optional
+        What is steady does to every channel (`flapgym.evaluation.steady_loads`): turbulence alone is told, too.
 
     Raises
     ------
     ValueError
-        If the record's series do not belong together, or a slope is not positive.
+        If the record's series do not belong together, a channel's steady part has another shape or is missing, or a
+        slope is not positive.
     """
     check_record(record)
     found = []
     for channel, series in {"rbm": record.rbm, **record.further}.items():
-        each = np.moveaxis(np.atleast_3d(series), 1, -1)
-        equivalent = _equivalent(each, record.time_step, slopes)
-        found.append(
-            ChannelLoads(channel, unit_of(channel), root_mean_square(each), tuple(slopes), equivalent)
-        )
+        whole, unit, turbulence = _places_apart(series), unit_of(channel), None
+        if steady:
+            if channel not in steady:
+                raise ValueError(f"steady: expected an entry for {channel}, got {', '.join(steady)}")
+            parts = split(whole, _places_apart(steady[channel]), record.time_step, slopes)
+            turbulence = ChannelLoads(
+                channel, unit, parts.turbulence_rms, parts.slopes, parts.turbulence_equivalent
+            )
+            rms, equivalent = parts.all_rms, parts.all_equivalent
+        else:
+            rms, equivalent = root_mean_square(whole), _equivalent(whole, record.time_step, slopes)
+        found.append(ChannelLoads(channel, unit, rms, tuple(slopes), equivalent, turbulence))
     return tuple(found)
+
+
+def _places_apart(series: Array) -> Array:
+    """Series (N, T, P), or (N, T) of one place, as (N, P, T)."""
+    return np.moveaxis(np.atleast_3d(series), 1, -1)
 
 
 def unit_of(channel: str) -> str:
@@ -147,18 +176,20 @@ def unit_of(channel: str) -> str:
 
 def joined(parts: Sequence[ChannelLoads]) -> ChannelLoads:
     """One channel's loads of realisations that were measured in parts."""
-    first = parts[0]
+    first, alone = parts[0], [part.turbulence for part in parts if part.turbulence is not None]
     return ChannelLoads(
         first.channel,
         first.unit,
         np.concatenate([part.rms for part in parts]),
         first.slopes,
         np.concatenate([part.equivalent for part in parts], axis=1),
+        joined(alone) if alone else None,
     )
 
 
 def score_channel(loads: ChannelLoads, reference: ChannelLoads) -> ChannelScore:
     """A channel under an agent against the same under open loop, on the same realisations."""
+    alone, still = loads.turbulence, reference.turbulence
     return ChannelScore(
         channel=loads.channel,
         unit=loads.unit,
@@ -173,6 +204,7 @@ def score_channel(loads: ChannelLoads, reference: ChannelLoads) -> ChannelScore:
             )
             for slope, ours, theirs in zip(loads.slopes, loads.equivalent, reference.equivalent, strict=True)
         ),
+        turbulence=None if alone is None or still is None else score_channel(alone, still),
     )
 
 

@@ -13,6 +13,7 @@ from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.agent import check_fit
 from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Choice, Count, Flag, Quantity
 from flapgym.core.progress import ProgressBar
 from flapgym.core.wording import shown
@@ -21,7 +22,7 @@ from flapgym.envs.task import OBSERVABLES
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.channels import ChannelLoads, ChannelScore, channel_loads, joined, score_channel
 from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
-from flapgym.evaluation.simulate import get_ready, simulate_together
+from flapgym.evaluation.simulate import get_ready, simulate_together, steady_loads
 from flapgym.model.nameplate import Nameplate, nameplate
 from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
 
@@ -208,10 +209,15 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
     ) as bar:
         for some in _batches(seeds, len(agents), duration):
             found = simulate_together(agents, model, some, duration, bar.update, **comparison.settings)
+            steady = dict[str, Array]()
+            if comparison.channels:
+                # Agents begin at the same azimuths, so that it is the same for all.
+                first = found[0]
+                steady = steady_loads(model, first.azimuth, first.rbm.shape[1], **comparison.settings)
             for agent, record in zip(agents, found, strict=True):
                 parts[agent.name].append(measure(record))
                 if comparison.channels:
-                    loads[agent.name].append(channel_loads(record))
+                    loads[agent.name].append(channel_loads(record, steady=steady))
                 records.setdefault(agent.name, _first(record))
     _require_one_wind(records)
     metrics = {name: _joined(each) for name, each in parts.items()}

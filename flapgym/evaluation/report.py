@@ -17,6 +17,7 @@ import numpy as np
 from flapgym.core.atomic import check_target, write_together
 from flapgym.core.wording import number
 from flapgym.evaluation.bootstrap import Estimate
+from flapgym.evaluation.channels import ChannelScore
 from flapgym.evaluation.comparison import Comparison, Score
 from flapgym.evaluation.figure import draw_figure, figure_is_possible
 from flapgym.evaluation.metrics import EQUIVALENT_FREQUENCY, FATIGUE_SLOPE
@@ -34,6 +35,10 @@ FEW = 10
 CHANNELS_CAPTION = (
     "Every load channel by S-N slope. DEL [%]: mean of the realisations' ratios to open loop, each realisation of one "
     "weight. DEL and DEL, damage summed [%]: of the damage of all blades and realisations together."
+)
+STEADY_CAPTION = (
+    "Turbulence alone: less what shear, tower and weight do to flaps at rest, the same under every agent. A flap that "
+    "takes some of that off lowers all loads, and is charged for it in turbulence alone."
 )
 
 FILES = ("compare.json", "compare.csv", "compare.md", "compare.png")
@@ -95,7 +100,17 @@ def _growth(comparison: Comparison, name: str) -> dict[str, float | None]:
 def _channels(comparison: Comparison, name: str) -> dict[str, list[dict[str, Any]]]:
     """An agent's entry of channels, where they were scored."""
     scores = comparison.channels.get(name)
-    return {} if scores is None else {"channels": [asdict(score) for score in scores]}
+    return {} if scores is None else {"channels": [_channel(score) for score in scores]}
+
+
+def _channel(score: ChannelScore) -> dict[str, Any]:
+    """A channel's entry; `turbulence_alone` is in it where something else loads the turbine, too."""
+    entry = asdict(score)
+    alone = entry.pop("turbulence")
+    if alone is not None:
+        # Of the channel named above it.
+        entry["turbulence_alone"] = {name: alone[name] for name in ("unit", "rms", "rms_change", "slopes")}
+    return entry
 
 
 def as_csv(comparison: Comparison) -> str:
@@ -121,7 +136,7 @@ def as_markdown(comparison: Comparison) -> str:
     """The table with its caption and remarks, and that of the channels where they were scored."""
     lines = [_caption(comparison), "", *_markdown_table(*_cells(comparison)), "", *_remarks(comparison)]
     if comparison.channels:
-        lines += ["", CHANNELS_CAPTION, "", *_markdown_table(*_channel_cells(comparison))]
+        lines += ["", *_channels_caption(comparison), "", *_markdown_table(*_channel_cells(comparison))]
     return "\n".join(lines) + "\n"
 
 
@@ -129,7 +144,7 @@ def as_text(comparison: Comparison) -> str:
     """The same for a terminal."""
     lines = [_caption(comparison), "", *_text_table(*_cells(comparison)), "", *_remarks(comparison)]
     if comparison.channels:
-        lines += ["", CHANNELS_CAPTION, "", *_text_table(*_channel_cells(comparison))]
+        lines += ["", *_channels_caption(comparison), "", *_text_table(*_channel_cells(comparison))]
     return "\n".join(lines)
 
 
@@ -154,27 +169,43 @@ def _cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
     return header, [_row(name, score) for name, score in comparison.scores.items()]
 
 
+def _told_apart(comparison: Comparison) -> bool:
+    """Whether turbulence alone is told beside all loads."""
+    return any(score.turbulence is not None for scores in comparison.channels.values() for score in scores)
+
+
+def _channels_caption(comparison: Comparison) -> list[str]:
+    return [CHANNELS_CAPTION, STEADY_CAPTION] if _told_apart(comparison) else [CHANNELS_CAPTION]
+
+
 def _channel_cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
-    header = ["channel", "S-N slope", "agent", "rms", "rms [%]", "DEL", "DEL [%]", "DEL, damage summed [%]"]
+    loads = ["rms", "rms [%]", "DEL", "DEL [%]", "DEL, damage summed [%]"]
+    header = ["channel", "S-N slope", "agent"]
+    if _told_apart(comparison):
+        header += [f"{whose}: {load}" for whose in ("all loads", "turbulence alone") for load in loads]
+    else:
+        header += loads
     by_channel = zip(*comparison.channels.values(), strict=True)
     rows = []
     for agents in by_channel:
         for place in range(len(agents[0].slopes)):
             for name, score in zip(comparison.channels, agents, strict=True):
-                at = score.slopes[place]
-                rows.append(
-                    [
-                        score.channel,
-                        number(at.slope),
-                        name,
-                        _with_unit(score.rms, score.unit),
-                        _percent(score.rms_change),
-                        _with_unit(at.equivalent_load, score.unit),
-                        _percent(at.change),
-                        _percent(at.summed_change),
-                    ]
-                )
+                row = [score.channel, number(score.slopes[place].slope), name]
+                for each in (score, score.turbulence):
+                    row += [] if each is None else _load_cells(each, place)
+                rows.append(row)
     return header, rows
+
+
+def _load_cells(score: ChannelScore, place: int) -> list[str]:
+    at = score.slopes[place]
+    return [
+        _with_unit(score.rms, score.unit),
+        _percent(score.rms_change),
+        _with_unit(at.equivalent_load, score.unit),
+        _percent(at.change),
+        _percent(at.summed_change),
+    ]
 
 
 def _with_unit(value: float, unit: str) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flapgym.control import Agent, OpenLoop
 from flapgym.control.agent import check_fit
 from flapgym.core.arrays import BLADES, Array
-from flapgym.core.fields import Quantity
+from flapgym.core.fields import Count, Numbers, Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
 from flapgym.evaluation.bank import LinearBank, same_kind
@@ -110,6 +110,41 @@ def get_ready(model: TurbineModel) -> None:
 def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **settings: Any) -> Array:
     """Wind perturbation of each realisation at samples 1 to so many, (N, samples) [m/s]; no agent changes it."""
     return simulate(OpenLoop(), model, seeds, samples * model.time_step, **settings).wind
+
+
+def steady_loads(model: TurbineModel, azimuth: Array, samples: int, **settings: Any) -> dict[str, Array]:
+    """What steady inflow and gravity do to every output, flaps at rest; no agent and no turbulence changes it.
+
+    Parameters
+    ----------
+    model : TurbineModel
+    azimuth : (N,) float
+        Of blade 1 one time step before the first sample [rad], as a `Record` has it.
+    samples : int
+        T.
+    **settings
+        Further keywords of the environment, as `wind`.
+
+    Returns
+    -------
+    dict
+        By name, about the mean over a revolution: of the blades' outputs (N, T, 3), of the fixed ones (N, T). Empty
+        where nothing is steady.
+
+    Raises
+    ------
+    ValueError
+        If the azimuths are no numbers, there is no sample, or the model has no inputs for what the settings ask for.
+    """
+    begun = Numbers("angle", axes=1).check(azimuth, "steady_loads.azimuth")
+    Count(at_least=1).check(samples, "steady_loads.samples")
+    # Of samples all outputs are told.
+    environment = FlapVectorEnv(model=model, record_samples=True, **settings)
+    turned = model.rotor_speed * model.time_step * np.arange(1, samples + 1)
+    # One realisation after another: the phases of all harmonics at every sample take more memory than the loads.
+    each = [environment.steady(angle + turned) for angle in begun]
+    environment.close()
+    return {name: np.stack([one[name] for one in each]) for name in each[0]}
 
 
 @dataclass(eq=False)

@@ -65,6 +65,11 @@ class Plant(Protocol):
         ...
 
     @property
+    def strongest_wind(self) -> Array:
+        """Largest modulus of the wind, mean over the rotor, in each turbine's episode, (n,) [m/s]."""
+        ...
+
+    @property
     def elapsed(self) -> IntArray:
         """Actions since each turbine's reset, (n,)."""
         ...

@@ -10,7 +10,7 @@ from flapgym.core.arrays import Array
 from flapgym.plant.frame import OutputRows
 from flapgym.plant.lifted import Lifted, lift
 from flapgym.plant.modal import Modal
-from flapgym.wind.box_field import TRIES, BoxField, BoxWind
+from flapgym.wind.box_field import TRIES, BoxField, BoxOnDisk, BoxWind
 
 RUN_IN = 20.0
 """Time [s] before an episode for which the box is read, too: from equilibrium with the wind at its beginning."""
@@ -82,6 +82,11 @@ class BoxResponse:
         steps = np.arange(-self._run_in, self._blocks(intervals) * self._span + 1, dtype=np.float64)
         duration = intervals * self.rows.steps * self.modal.time_step
         return self.field.passing(noise, steps * self.modal.time_step, duration, self.radii)
+
+    def on_disk(self, noise: Array, intervals: int) -> BoxOnDisk:
+        """The box over the disk as it passes, for a picture."""
+        duration = intervals * self.rows.steps * self.modal.time_step
+        return BoxOnDisk(self.field.box, self.field.begins(noise, duration), self.radii)
 
     def respond(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
         """Outputs that a realisation of the field causes.

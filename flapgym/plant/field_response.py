@@ -19,7 +19,7 @@ from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.fields import Quantity
 from flapgym.plant.frame import OutputRows
 from flapgym.plant.modal import Modal
-from flapgym.wind.blade_field import PARTS, BladeTurbulence, blade_turbulence
+from flapgym.wind.blade_field import PARTS, BladeTurbulence, FieldOnDisk, blade_turbulence, field_on_disk
 from flapgym.wind.disk import annulus_weights
 from flapgym.wind.field import SCALES_APART, interpolation_weights, time_scale
 from flapgym.wind.turbulence import Turbulence
@@ -83,6 +83,11 @@ class FieldResponse:
         period = 2.0 ** (math.ceil(4.0 * math.log2(intervals * self.rows.steps * step + memory)) / 4.0)
         return _synthesis(self, period)
 
+    def on_disk(self, noise: Array, intervals: int) -> FieldOnDisk:
+        """The field over the disk while blades meet what normal numbers (noise_count,) make, for a picture."""
+        turbulence = self.prepared(intervals).turbulence
+        return field_on_disk(self.field, turbulence, self.wind_speed, self.turn / self.modal.time_step, noise)
+
     def respond(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
         """Outputs that a realisation of the field causes.
 
@@ -114,7 +119,7 @@ class Synthesis:
     Attributes
     ----------
     turbulence : BladeTurbulence
-    response : (F, ny + 1, 3 R) complex
+    response : (F, ny + 1, 4 R) complex
         From its noise to the waves of the outputs and the wind, halved but for the zeroth: of `irfft`.
     coarse : int
         Steps from one sample of the inverse Fourier transform to the next.
@@ -159,7 +164,10 @@ def _synthesis(response: FieldResponse, period: float) -> Synthesis:
     answers = frequency_response(modal, turbulence.frequencies)
     answers = answers.reshape(*answers.shape[:2], len(response.radii), BLADES)
     answers[:, -1, :, 0] = annulus_weights(response.radii)
-    folded = deviation * np.einsum("fyrc,cp,fprs->fyps", answers, PARTS, turbulence.root, optimize=True)
+    folded = np.einsum("fyrc,cp,fprs->fyps", answers, PARTS, turbulence.root, optimize=True)
+    # The mean over the disk is of U_0 alone.
+    folded[:, -1, 1:] = 0.0
+    folded *= deviation
     folded[1:] *= 0.5
     weights = interpolation_weights(coarse, highest * step, TAPS)
     return Synthesis(turbulence, folded.reshape(*folded.shape[:2], -1), coarse, points, weights)

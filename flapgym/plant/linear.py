@@ -9,14 +9,16 @@ import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, FloatArray, IntArray
 from flapgym.model.multiblade import to_blades, to_components
-from flapgym.model.signals import COMPONENTS, grouped
 from flapgym.model.turbine_model import TurbineModel
+from flapgym.plant.disturbance import Disturbance
 from flapgym.plant.fingerprint import plant_fingerprint
 from flapgym.plant.parameters import Episode, Loads, Parameters, State, Stepping, parameters_of, prepare
-from flapgym.plant.responses import Responses
+from flapgym.plant.responses import Responses, realisation_noise
 from flapgym.plant.start import Start
 from flapgym.plant.stuck import stuck_modes
 from flapgym.plant.telling import tell
+from flapgym.wind.blade_field import FieldOnDisk
+from flapgym.wind.box_field import BoxOnDisk
 
 Step = Callable[[Parameters, Episode, State, FloatArray], tuple[State, Loads]]
 
@@ -70,6 +72,11 @@ class LinearPlant:
         """Standard normal numbers one turbine's realisation takes."""
         return self._kernel.disturbance.noise_count(self.stepping.intervals)
 
+    @property
+    def strongest_wind(self) -> Array:
+        """Largest modulus of the wind in each turbine's episode, mean over the rotor, (n,) [m/s]."""
+        return self._responses.strongest
+
     def reset(self, turbines: IntArray, start: Start) -> Loads:
         """Begin an episode of m turbines; their loads at sample 0."""
         p, kernel = self.parameters, self._kernel
@@ -112,6 +119,24 @@ class LinearPlant:
         responses = self._responses
         self.episode = Episode(azimuths, responses.rows, responses.place, responses.level)
 
+    def field(self, start: Start) -> FieldOnDisk | BoxOnDisk:
+        """The wind over the disk while the one turbine of a start goes through its episode, for a picture.
+
+        Raises
+        ------
+        ValueError
+            If there is no field around this plant.
+        """
+        response = self._kernel.disturbance
+        if isinstance(response, Disturbance):
+            raise ValueError("field: expected a field around the plant, there is none")
+        if start.noise is not None:
+            (noise,) = start.noise
+        else:
+            assert start.realisation is not None
+            noise = realisation_noise(int(start.realisation[0]), self.noise_count)
+        return response.on_disk(noise, self.stepping.intervals)
+
     def steady(self, azimuth: Array) -> dict[str, Array]:
         """What steady inflow and gravity do to the outputs at azimuths of blade 1 (n,) [rad], about its mean.
 
@@ -124,12 +149,7 @@ class LinearPlant:
         """
         if self._kernel.steady is None:
             raise ValueError("steady: expected steady inflow or gravity around the plant, there is none")
-        found, names = self._kernel.steady.at(azimuth), self._kernel.flap.outputs
-        told: dict[str, Array] = {}
-        for base, of_blades in grouped(names[:-1]):
-            at = names.index(f"{base}_{COMPONENTS[0]}" if of_blades else base)
-            told[base] = to_blades(found[:, at : at + BLADES], azimuth) if of_blades else found[:, at]
-        return told
+        return self._kernel.steady.told(azimuth)
 
     def get_ready(self) -> None:
         """Take a step that leaves no trace: code is compiled or read now, and no later step waits for it."""

@@ -156,6 +156,7 @@ class PeriodicPlant:
         self._step_turn = model.rotor_speed * model.time_step
         self.elapsed = np.zeros(count, dtype=np.int64)
         """Actions since each turbine's reset."""
+        self._strongest = np.zeros(count)
         self._start_azimuth = np.zeros(count)
         self._flaps = np.zeros((4, stuck.size, count))
         self._wind = np.zeros((count, stepping.intervals * stepping.steps_per_action + 1))
@@ -166,6 +167,11 @@ class PeriodicPlant:
     def noise_count(self) -> int:
         """Standard normal numbers one turbine's realisation takes."""
         return self._constants.root.shape[1] + self._wind.shape[1]
+
+    @property
+    def strongest_wind(self) -> Array:
+        """Largest modulus of the wind in each turbine's episode, (n,) [m/s]."""
+        return self._strongest
 
     def reset(self, turbines: IntArray, start: Start) -> Loads:
         """Begin an episode of m turbines; their loads at sample 0."""
@@ -189,6 +195,7 @@ class PeriodicPlant:
         flaps[0] = np.where(self._held, self._stuck, start.angle).T
         flaps[1] = np.where(self._held, 0.0, start.rate).T
         self._wind[turbines], self._flaps[:, :, turbines] = wind, flaps
+        self._strongest[turbines] = np.abs(wind).max(axis=1)
         self.elapsed[turbines], self._start_azimuth[turbines] = 0, start.azimuth
         outputs, self._ahead[turbines] = self._march(
             state, self._inputs(flaps[None, :2], wind[:, :1], azimuth), azimuth

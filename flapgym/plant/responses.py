@@ -30,6 +30,7 @@ class Pool:
 
     def __init__(self, kernel: Kernel, intervals: int, size: int, precision: str) -> None:
         self.first = np.zeros((size, len(kernel.wind.outputs)))
+        self.strongest = np.zeros(size)
         self.rows = np.zeros((size, intervals, kernel.rows.count), dtype=precision)
         self._kernel, self._intervals = kernel, intervals
         self._known = np.zeros(size, dtype=bool)
@@ -51,7 +52,15 @@ class Pool:
                 first_steady, steady = steady_rows(self._kernel, azimuth, self._intervals)
                 first, rows = first + first_steady, rows + steady
             self.first[index], self.rows[index] = first, rows
+            self.strongest[index] = strongest_wind(self._kernel, first, rows)
             self._known[index] = True
+
+
+def strongest_wind(kernel: Kernel, first: Array, rows: FloatArray) -> float:
+    """Largest modulus of the wind [m/s], from outputs and wind at sample 0 (ny + 1,) and rows (intervals, count)."""
+    # In this form a third faster than max() of the two: it is done at every reset.
+    after = np.abs(rows[:, kernel.rows.structural :]).ravel()
+    return max(abs(float(first[-1])), float(after[after.argmax()]))
 
 
 def realisation_noise(seed: int, count: int) -> Array:
@@ -118,6 +127,8 @@ class Responses:
         Where each turbine's response is.
     level : (n,) float
         Factor on it.
+    strongest : (n,) float
+        Largest modulus of the wind, mean over the rotor, in the episode [m/s]; what is steady over the disk apart.
     """
 
     def __init__(self, kernel: Kernel, count: int, stepping: Stepping, reference_intensity: float) -> None:
@@ -131,6 +142,7 @@ class Responses:
         self._own_rows = np.zeros((places, stepping.intervals, kernel.rows.count), dtype=stepping.precision)
         self.place = np.arange(count) if self._pool is None else np.zeros(count, dtype=np.int64)
         self.level = np.ones(count)
+        self.strongest = np.zeros(count)
         self._gust: tuple[GivenWind, Array, Array] | None = None
 
     @property
@@ -152,6 +164,7 @@ class Responses:
                 raise ValueError("start: a pool of realisations takes their numbers, and no other wind")
             self._pool.fill(start.realisation)
             self.place[turbines], self.level[turbines] = start.realisation, levels
+            self.strongest[turbines] = self._pool.strongest[start.realisation] * levels
             return self._pool.first[start.realisation] * levels[:, None]
         first = np.zeros((len(turbines), len(self._kernel.wind.outputs)))
         for index, (turbine, level) in enumerate(zip(turbines, levels, strict=True)):
@@ -171,6 +184,8 @@ class Responses:
             begin_gust, gust_rows = self._gust_response(start.gust)
             first += begin_gust
             self.rows[turbines] += gust_rows.astype(self.rows.dtype)
+        for index, turbine in enumerate(turbines):
+            self.strongest[turbine] = strongest_wind(self._kernel, first[index], self.rows[turbine])
         return first
 
     def _gust_response(self, gust: GivenWind) -> tuple[Array, Array]:

@@ -14,8 +14,9 @@ from scipy.constants import g as STANDARD_GRAVITY
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.state_space import StateSpace
+from flapgym.model.multiblade import to_blades
 from flapgym.model.nameplate import nameplate
-from flapgym.model.signals import strip_inputs
+from flapgym.model.signals import COMPONENTS, grouped, strip_inputs
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.wind import Inflow
 from flapgym.wind.box_field import BoxField
@@ -92,12 +93,15 @@ class Steady:
 
     Attributes
     ----------
+    outputs : tuple of str
+        Of the turbine, ny, the blades' in multi-blade coordinates.
     harmonics : (N + 1, ny + 1) complex
         Outputs in multi-blade coordinates, and the wind, are the real part of their sum times exp(3 i n azimuth).
     mean : (ny + 1,) float
         What is left out: of each blade in `_0`, of the fixed outputs.
     """
 
+    outputs: tuple[str, ...]
     harmonics: ComplexArray
     mean: Array
 
@@ -106,6 +110,14 @@ class Steady:
         # Powers of exp(3 i azimuth): an exponential costs ten times a product.
         turns = np.vander(np.exp(1j * BLADES * azimuth), len(self.harmonics), increasing=True)
         return np.asarray((turns @ self.harmonics).real)
+
+    def told(self, azimuth: Array) -> dict[str, Array]:
+        """Outputs by name at azimuths of blade 1 (T,) [rad]: the blades' (T, 3), the fixed ones (T,)."""
+        found, told = self.at(azimuth), dict[str, Array]()
+        for base, of_blades in grouped(self.outputs):
+            at = self.outputs.index(f"{base}_{COMPONENTS[0]}" if of_blades else base)
+            told[base] = to_blades(found[:, at : at + BLADES], azimuth) if of_blades else found[:, at]
+        return told
 
 
 def steady_response(model: TurbineModel, surroundings: Surroundings, outputs: tuple[str, ...]) -> Steady:
@@ -138,7 +150,7 @@ def steady_response(model: TurbineModel, surroundings: Surroundings, outputs: tu
     mean = np.zeros(len(outputs) + 1)
     mean[constant] = harmonics[0, constant].real
     harmonics[0, constant] = 0.0
-    return Steady(harmonics, mean)
+    return Steady(outputs, harmonics, mean)
 
 
 def strip_radii(model: TurbineModel) -> Array:

@@ -9,19 +9,19 @@ are to the blades
 The U_m are stationary and independent, so u_0 and z are as well, and their cross-spectra are the sums of the
 harmonics', each moved by the 3 k turns that the blades make against it. Sums of normal numbers are normal: u_0 and z
 are drawn by themselves, however many harmonics there are, and theta_0 does not count. Which harmonic a wave belongs to
-is lost, so this is no field on the disk; `flapgym.wind.field.disk_turbulence` makes one.
+is not drawn. For a picture of the disk each harmonic takes what it most likely has of the sum (`field_on_disk`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from flapgym.core.arrays import BLADES, Array, ComplexArray
+from flapgym.core.arrays import BLADES, Array, BoolArray, ComplexArray, IntArray
 from flapgym.core.fields import Quantity
 from flapgym.wind.field import WITHIN, checked_rings, shares_by_decay
 from flapgym.wind.turbulence import Turbulence
@@ -32,8 +32,9 @@ BEYOND = 2.0
 """Frequency in the field, over the highest that blades meet, from which on nothing is summed: with harmonics that are
 passed the other way, it would come down to what blades meet. Both limits together take 0.5 % of the spectrum at 3 Hz
 at 0.7 of the radius, and 1.3 % at 0.4 of it (von Karman, 11 m/s)."""
-PARTS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0j, -1.0j]])
-"""Components 0, c, s of waves from those of u_0, 2 z at f, and the conjugate of 2 z at -f: from u_c - i u_s = 2 z."""
+PARTS = np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 1.0j, -1.0j]])
+"""Components 0, c, s of waves from those of U_0, which is the mean around each ring, the rest of u_0, 2 z at f, and the
+conjugate of 2 z at -f: from u_c - i u_s = 2 z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ class BladeTurbulence:
         After which a realisation repeats itself [s].
     frequencies : (F,) float
         At which there are waves, multiples of 1 / period from zero on [Hz].
-    root : (F, 3, R, R) float
+    root : (F, 4, R, R) float
         Symmetric: root root' is the covariance of the real part of the waves of each part (`PARTS`), and of the
         imaginary part. Halved at zero, where both signs of f meet.
     """
@@ -64,7 +65,7 @@ class BladeTurbulence:
         return 2 * self.root[..., 0].size
 
     def parts(self, noise: Array) -> ComplexArray:
-        """Unit complex waves (F, 3, R) in the order of `root` from normal numbers (noise_count,).
+        """Unit complex waves (F, 4, R) in the order of `root` from normal numbers (noise_count,).
 
         Raises
         ------
@@ -123,18 +124,40 @@ def _prepare(
     highest_frequency: float,
 ) -> BladeTurbulence:
     turn = rotor_speed / (2.0 * np.pi)
-    highest = highest_frequency + turn
-    frequencies = np.arange(math.floor(highest * period) + 1) / period
+    frequencies = np.arange(math.floor((highest_frequency + turn) * period) + 1) / period
+    covariance = np.zeros((len(frequencies), len(PARTS.T), len(rings), len(rings)))
+    for part, _, near, own in _of_harmonics(field, rings, wind_speed, turn, period, frequencies):
+        covariance[near, part] += own
+    values, vectors = np.linalg.eigh(covariance)
+    # At low frequencies u_0 is almost the same at all rings; round-off may leave the rest below zero.
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]) @ vectors.swapaxes(-1, -2)
+    return BladeTurbulence(np.array(rings), period, frequencies, root)
+
+
+def _of_harmonics(
+    field: Turbulence,
+    rings: tuple[float, ...],
+    wind_speed: float,
+    turn: float,
+    period: float,
+    frequencies: Array,
+) -> Iterator[tuple[int, int, BoolArray, Array]]:
+    """Part, harmonic m, at which frequencies (F,) it counts, and its share in the part's covariance there (., R, R)."""
+    highest = frequencies[-1]
     # Averages about each frequency, so that no variance is lost or won, as in `disk_turbulence`.
     about = frequencies[:, None] + ((np.arange(WITHIN) + 0.5) / WITHIN - 0.5) / period
     shares = _shares(field, rings, wind_speed, BEYOND * highest, math.ceil(REACH * highest / turn))
     harmonics = len(shares) - 1
-    covariance = np.zeros((len(frequencies), 3, len(rings), len(rings)))
+    every = range(-harmonics, harmonics + 1)
     # In the order of PARTS: u_0 is of the harmonics 3 k, z of 3 k + 1 at either sign of the frequency.
-    for part, (first, sign) in enumerate(((0, 1.0), (1, 1.0), (1, -1.0))):
-        for m in range(-harmonics, harmonics + 1):
-            if (m - first) % BLADES:
-                continue
+    of_parts = (
+        (0, 1.0, [0]),
+        (0, 1.0, [m for m in every if m and m % BLADES == 0]),
+        (1, 1.0, [m for m in every if m % BLADES == 1]),
+        (1, -1.0, [m for m in every if m % BLADES == 1]),
+    )
+    for part, (first, sign, of_part) in enumerate(of_parts):
+        for m in of_part:
             met = np.abs(sign * about - (m - first) * turn)
             near = met.min(axis=1) < BEYOND * highest
             if near.any():
@@ -142,12 +165,8 @@ def _prepare(
                 share = shares[abs(m)](field.decay(inside.ravel(), wind_speed))
                 share = share.reshape(*inside.shape, *share.shape[1:])
                 weight = field.spectrum(inside, wind_speed) / (WITHIN * period)
-                covariance[near, part] += np.einsum("fw,fwrs->frs", weight, share)
-    covariance[0] *= 0.5
-    values, vectors = np.linalg.eigh(covariance)
-    # At low frequencies u_0 is almost the same at all rings; round-off may leave the rest below zero.
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]) @ vectors.swapaxes(-1, -2)
-    return BladeTurbulence(np.array(rings), period, frequencies, root)
+                weight[frequencies[near] == 0.0] *= 0.5
+                yield part, m, near, np.einsum("fw,fwrs->frs", weight, share)
 
 
 @lru_cache(maxsize=4)
@@ -157,3 +176,69 @@ def _shares(
     """Kept by themselves, as they take longest, and are the same for realisations of any period."""
     limits = field.decay(np.array([0.0, highest]), wind_speed)
     return shares_by_decay(field, np.array(rings), limits, harmonics)
+
+
+@dataclass(frozen=True, eq=False)
+class FieldOnDisk:
+    """The likeliest field over the disk in which the blades meet what they do; off the blades it is smoother than one.
+
+    Attributes
+    ----------
+    radii : (R,) float
+        Of the rings [m].
+    frequencies : (F,) float
+        [Hz]
+    harmonics : (H,) int
+        Of the azimuth: 3 k and 3 k + 1, of either sign.
+    waves : (H, 2, F, R) complex
+        Of each harmonic in axes that turn with blade 1, times exp(2 pi i f t) and times exp(-2 pi i f t) [m/s].
+    """
+
+    radii: Array
+    frequencies: Array
+    harmonics: IntArray
+    waves: ComplexArray
+
+    def on_disk(self, time: float, rotor: float, azimuth: Array) -> Array:
+        """Wind (R, A) [m/s] at a time [s], blade 1 at azimuth `rotor`, at azimuths (A,) [rad]."""
+        ahead = np.exp(2j * np.pi * self.frequencies * time)
+        sums = np.einsum("hsfr,sf->rh", self.waves, np.stack([ahead, ahead.conj()]))
+        # exp(i m (azimuth - rotor)); of z, which a blade meets times exp(i theta), one turn more.
+        turned = np.exp(1j * self.harmonics[:, None] * (azimuth - rotor))
+        turned *= np.exp(1j * rotor * (self.harmonics % BLADES))[:, None]
+        return np.asarray((sums @ turned).real)
+
+
+def field_on_disk(
+    field: Turbulence, turbulence: BladeTurbulence, wind_speed: float, rotor_speed: float, noise: Array
+) -> FieldOnDisk:
+    """What the disk most likely shows while blades meet what normal numbers make of a field.
+
+    Of normal harmonics with covariances C_m whose sum is known, harmonic m is most likely C_m C^-1 times it, where C is
+    the sum of the C_m.
+
+    Parameters
+    ----------
+    field : Turbulence
+        Its strength counts.
+    turbulence : BladeTurbulence
+        Of this field.
+    wind_speed, rotor_speed : float
+        [m/s, rad/s]
+    noise : (noise_count,) float
+    """
+    rings, turn = tuple(turbulence.radii.tolist()), rotor_speed / (2.0 * np.pi)
+    # What the root lacks, round-off of a smooth field, the noise does not make either.
+    of_noise = np.linalg.pinv(turbulence.root, rcond=1e-6, hermitian=True)
+    weighted = np.einsum("fprs,fps->fpr", of_noise, turbulence.parts(noise))
+    weighted *= field.deviation(wind_speed)
+    waves: dict[int, ComplexArray] = {}
+    frequencies = turbulence.frequencies
+    for part, m, near, own in _of_harmonics(field, rings, wind_speed, turn, turbulence.period, frequencies):
+        at = waves.setdefault(m, np.zeros((2, len(frequencies), len(rings)), dtype=complex))
+        found = np.einsum("frs,fs->fr", own, weighted[near, part])
+        if part < len(PARTS.T) - 1:
+            at[0, near] = found
+        else:
+            at[1, near] = found.conj()
+    return FieldOnDisk(turbulence.radii, frequencies, np.array(list(waves)), np.stack(list(waves.values())))

@@ -215,6 +215,10 @@ class BoxField:
     def __hash__(self) -> int:
         return hash(self.fingerprint)
 
+    def deviation(self, mean: float) -> float:
+        """Standard deviation [m/s] over the whole box, whatever the mean wind."""
+        return float(self.box.u.std())
+
     def begins(self, noise: Array, duration: float) -> float:
         """Moment of the box [s] at which an episode begins that lasts so long [s].
 
@@ -243,7 +247,7 @@ class BoxField:
 
 @dataclass(frozen=True, eq=False)
 class BoxWind:
-    """One passage of a box at T steps and R rings, in m/s about the mean; the counterpart of `DiskWind`.
+    """One passage of a box at T steps and R rings, in m/s about the mean.
 
     Attributes
     ----------
@@ -274,3 +278,27 @@ class BoxWind:
         planes = self.box.u[first : last + 1]
         average = np.einsum("tyz,yz->t", planes, _averaging(self.box, self.radii))
         return np.interp(self.moments, step * (first + np.arange(len(planes))), average)
+
+
+@dataclass(frozen=True, eq=False)
+class BoxOnDisk:
+    """One passage of a box over the whole disk, for a picture; as `flapgym.wind.blade_field.FieldOnDisk`.
+
+    Attributes
+    ----------
+    box : WindBox
+    begin : float
+        Moment of the box at time zero [s].
+    radii : (R,) float
+        Of the rings [m].
+    """
+
+    box: WindBox
+    begin: float
+    radii: Array
+
+    def on_disk(self, time: float, rotor: float, azimuth: Array) -> Array:
+        """Wind (R, A) [m/s] at a time [s] and azimuths (A,) [rad], wherever the rotor is."""
+        moment = np.clip(self.begin + time, 0.0, self.box.duration)
+        arm = self.radii[:, None]
+        return self.box.at(moment, -arm * np.sin(azimuth), arm * np.cos(azimuth))

@@ -237,7 +237,7 @@ def test_every_flap_is_in_the_picture(single_blade):
 
 def test_flaps_of_unknown_place_share_the_blade_s_length():
     pytest.importorskip("pygame")
-    spans = Screen(MODEL, "rgb_array", 0.1)._spans
+    spans = Screen(MODEL, "rgb_array", 0.1, lambda: None)._spans
     assert len(spans) == 3
     assert (spans[0][0], spans[-1][1]) == BLADE_SPAN
     assert all(inner[1] == outer[0] for inner, outer in itertools.pairwise(spans))

@@ -16,8 +16,10 @@ from flapgym.evaluation import (
     damage_equivalent_loads,
     simulate,
     split,
+    steady_loads,
 )
 from flapgym.evaluation.channels import ChannelLoads, score_channel, unit_of
+from flapgym.model import load_model
 from flapgym.turbine.case import BLADE_LOADS, TOWER_LOADS
 from tests.synthetic import FURTHER, synthetic_model
 
@@ -169,6 +171,80 @@ def test_a_flap_that_cancels_gravity_is_given_no_credit_in_turbulence():
     assert flapping.all_rms < 0.6 * still.all_rms
     assert flapping.turbulence_rms > still.turbulence_rms
     assert (flapping.turbulence_equivalent > still.turbulence_equivalent).all()
+
+
+SITE = "flapgym/NREL5MWSite-v0"
+FIELD = {"kind": "kaimal", "turbulence_class": "B"}
+INFLOW = {"shear_exponent": 0.2, "tower_shadow": True}
+
+
+@pytest.fixture(scope="module")
+def site_model():
+    return load_model("nrel5mw-site")
+
+
+def test_steady_loads_are_those_of_a_turbine_in_steady_wind(site_model):
+    settings = {"wind": {"inflow": INFLOW, "turbulence_intensity": 0.0}, "gravity": True}
+    record = simulate(OpenLoop(), site_model, [3, 4], 2.0, **settings)
+    found = steady_loads(site_model, record.azimuth, record.rbm.shape[1], **settings)
+    for name, series in {"rbm": record.rbm, **record.further}.items():
+        np.testing.assert_allclose(found[name], series, atol=1e-9 * np.abs(series).max())
+
+
+def test_nothing_is_steady_where_turbulence_alone_loads_the_turbine(site_model):
+    assert steady_loads(site_model, np.zeros(1), 5, wind={"field": FIELD}) == {}
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "samples", "settings", "message"),
+    [
+        ([[0.0]], 5, {}, "steady_loads.azimuth: expected"),
+        ([np.nan], 5, {}, "steady_loads.azimuth: expected"),
+        ([0.0], 0, {}, "steady_loads.samples: expected"),
+        ([0.0], 5, {"gravity": True}, "gravity: expected a model with gravity as an input"),
+    ],
+)
+def test_steady_loads_of_nothing_sensible_are_refused(azimuth, samples, settings, message):
+    with pytest.raises(ValueError, match=message):
+        steady_loads(MODEL, azimuth, samples, **settings)
+
+
+def test_turbulence_alone_at_a_site_is_what_its_field_does_without_shear_tower_and_weight(site_model):
+    record = simulate(OpenLoop(), site_model, [7], 10.0, wind={"field": FIELD})
+    (alone,) = [each for each in channel_loads(record) if each.channel == "rbm_edge"]
+    scored = compare([], environment=SITE, realisations=1, seed=7, duration=10.0, channels=True)
+    (site,) = [each for each in scored.channels["open_loop"] if each.channel == "rbm_edge"]
+    assert site.turbulence.rms == pytest.approx(alone.rms.mean(), rel=1e-9)
+    told = [at.equivalent_load for at in site.turbulence.slopes]
+    counted = [
+        np.mean(loads**slope) ** (1 / slope) for slope, loads in zip(SLOPES, alone.equivalent, strict=True)
+    ]
+    np.testing.assert_allclose(told, counted, rtol=1e-9)
+    # Weight is most of the edgewise moment.
+    assert site.rms > 2.0 * site.turbulence.rms
+
+
+def test_the_table_and_the_file_tell_turbulence_alone_beside_all_loads(tmp_path):
+    scored = compare([], environment=SITE, realisations=1, duration=2.0, output=tmp_path, channels=True)
+    header = next(line for line in as_text(scored).splitlines() if line.startswith("channel"))
+    for column in ("DEL", "DEL [%]", "DEL, damage summed [%]"):
+        assert f"all loads: {column}" in header
+        assert f"turbulence alone: {column}" in header
+    entry = json.loads((tmp_path / "compare.json").read_text())["agents"]["open_loop"]["channels"][0]
+    assert entry["turbulence_alone"]["unit"] == entry["unit"] == "N m"
+    assert entry["turbulence_alone"]["rms"] == scored.channels["open_loop"][0].turbulence.rms
+    assert [at.keys() for at in entry["turbulence_alone"]["slopes"]] == [at.keys() for at in entry["slopes"]]
+
+
+def test_without_anything_steady_nothing_is_told_apart(tmp_path):
+    scored = compare([], MODEL, realisations=1, duration=2.0, output=tmp_path, channels=True)
+    assert "turbulence alone" not in as_text(scored).lower()
+    assert "turbulence_alone" not in (tmp_path / "compare.json").read_text()
+
+
+def test_a_channel_without_its_steady_part_is_refused():
+    with pytest.raises(ValueError, match="steady: expected an entry for rbm, got tilt"):
+        channel_loads(_record(np.arange(4.0)), SLOPES, {"tilt": np.zeros((1, 4))})
 
 
 def test_each_series_of_many_is_split_by_itself():

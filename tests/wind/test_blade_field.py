@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from flapgym.wind.blade_field import PARTS, blade_turbulence
+from flapgym.core.multiblade import blade_azimuths, to_blades
+from flapgym.wind.blade_field import PARTS, blade_turbulence, field_on_disk
 from flapgym.wind.spectrum import von_karman_spectrum
 from tests.wind.test_field import (
     KAIMAL,
@@ -41,15 +42,15 @@ def _covariance(blades, one, other, turned, lag=0.0):
 
 
 def _spectrum(blades, ring, frequency):
-    """One-sided, of the wind at a ring of a blade: its parts u_0, and 2 z either side of once a turn."""
+    """One-sided, of the wind at a ring of a blade: the two parts of u_0, and 2 z either side of once a turn."""
     power = np.einsum("fps,fps->pf", blades.root[:, :, ring], blades.root[:, :, ring]) * blades.period
     power[:, 0] *= 2.0
 
     def part(number, met):
         return np.interp(met, blades.frequencies, power[number])
 
-    below = np.where(frequency < TURN, part(2, np.abs(frequency - TURN)), part(1, np.abs(frequency - TURN)))
-    return part(0, frequency) + below + part(2, frequency + TURN)
+    below = np.where(frequency < TURN, part(3, np.abs(frequency - TURN)), part(2, np.abs(frequency - TURN)))
+    return part(0, frequency) + part(1, frequency) + below + part(3, frequency + TURN)
 
 
 @pytest.mark.parametrize("ring", [1, 2, 3])
@@ -132,3 +133,54 @@ def test_what_cannot_be_prepared_is_refused_by_name(given, message):
 def test_noise_of_another_length_is_refused(blades):
     with pytest.raises(ValueError, match=r"^noise: expected the shape \(\d+,\), got \(3,\)"):
         blades.waves(np.zeros(3))
+
+
+@pytest.mark.parametrize("field", [KARMAN, KAIMAL])
+def test_the_field_for_a_picture_is_what_the_blades_meet_where_they_are(field):
+    turbulence = blade_turbulence(field, RADII, WIND, SPEED, 60.0)
+    noise = np.random.default_rng(3).standard_normal(turbulence.noise_count)
+    disk = field_on_disk(field, turbulence, WIND, SPEED, noise)
+    waves = turbulence.waves(noise) * field.deviation(WIND)
+    for time, rotor in ((0.0, 0.4), (7.3, 2.9)):
+        ahead = np.exp(2j * np.pi * turbulence.frequencies * time)
+        components = np.einsum("frc,f->rc", waves, ahead).real
+        met = to_blades(components, rotor)
+        shown = disk.on_disk(time, rotor, blade_azimuths(rotor))
+        # As far as the smooth field's root has an inverse.
+        np.testing.assert_allclose(shown, met, atol=2e-4)
+
+
+def test_the_field_for_a_picture_stands_while_the_rotor_turns():
+    """At low frequencies blades pass each place often, so what is shown there does not turn with them."""
+    turbulence = blade_turbulence(KARMAN, RADII, WIND, SPEED, 60.0)
+    noise = np.random.default_rng(4).standard_normal(turbulence.noise_count)
+    disk = field_on_disk(KARMAN, turbulence, WIND, SPEED, noise)
+    azimuth, times = np.linspace(0.0, 2.0 * np.pi, 90, endpoint=False), 0.2 * np.arange(200)
+    shown = np.stack([disk.on_disk(t, SPEED * t, azimuth)[2] for t in times])
+    # Correlation over 0.4 s, as an eddy of a rotor's size passes: at places that stand, and at ones that turn.
+    still = np.mean(shown[:-2] * shown[2:])
+    turned = (
+        np.mean(
+            [
+                np.roll(a, round(SPEED * 0.4 / (azimuth[1] - azimuth[0]))) @ b
+                for a, b in zip(shown, shown[2:], strict=False)
+            ]
+        )
+        / 90
+    )
+    assert still > 0.93 * np.mean(shown**2)
+    assert still > turned
+
+
+def test_the_field_for_a_picture_has_most_of_the_variance():
+    turbulence = blade_turbulence(KARMAN, RADII, WIND, SPEED, 60.0)
+    rng, azimuth = np.random.default_rng(5), np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    squares = [
+        field_on_disk(KARMAN, turbulence, WIND, SPEED, rng.standard_normal(turbulence.noise_count)).on_disk(
+            0.0, 0.0, azimuth
+        )
+        ** 2
+        for _ in range(60)
+    ]
+    share = np.mean(squares) / KARMAN.deviation(WIND) ** 2
+    assert 0.7 < share < 1.0

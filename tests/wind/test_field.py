@@ -166,6 +166,50 @@ def test_points_of_drawn_fields_have_the_spectra_and_coherences(still, one, othe
         )
 
 
+SEPARATE = {"one point": (2, 2, 0.0), "6.6 m": (2, 2, 0.15), "19.1 m": (1, 2, 0.0), "36.1 m": (3, 3, 0.6)}
+"""Two rings and the angle between their points [rad]."""
+
+
+@pytest.fixture(scope="module", params=[40.0, 90.0])
+def standing(request):
+    """Hub height [m], harmonics, and 8000 s of a Kaimal field at points that stand: azimuth to wind (4, 4000, 4)."""
+    disk = disk_turbulence(Kaimal(hub_height=request.param), RADII, WIND, 0.12, 0.5, 4000, 0.6)
+    winds, shape = _winds(disk, 4, seed=5), np.ones(4000)
+    angles = {angle for _, _, angle in SEPARATE.values()}
+    return (
+        request.param,
+        disk.harmonics,
+        {angle: np.stack([w.at(angle * shape) for w in winds]) for angle in angles},
+    )
+
+
+@pytest.mark.parametrize("separation", SEPARATE)
+@pytest.mark.parametrize("low, high", BANDS)
+def test_points_of_drawn_kaimal_fields_have_the_standards_spectrum_and_coherence(
+    standing, separation, low, high
+):
+    """IEC 61400-1:2005, B.14 and B.16, written out; L = 8.1 Lambda is both their length, Lambda = 0.7 z to 42 m.
+
+    His coherence has a cusp, whose harmonics fall off slowly: at one point those beyond the highest hold a tenth above
+    0.12 Hz. The sum up to the highest, M, is the coherence times sin((M + 1/2) D) / (2 pi sin(D / 2)), integrated.
+    """
+    height, highest, winds = standing
+    one, other, angle = SEPARATE[separation]
+    length = 8.1 * min(0.7 * height, 42.0)
+    around = (np.arange(20_000) + 0.5) * 2.0 * np.pi / 20_000
+    apart = np.abs(RADII[one] - RADII[other] * np.exp(1j * (around + angle)))
+    kernel = np.sin((highest + 0.5) * around) / np.sin(0.5 * around) / 20_000
+    frequency, densities = csd(winds[0.0][..., one], winds[angle][..., other], fs=2.0, nperseg=512)
+    inside = (frequency >= low) & (frequency < high)
+    f = frequency[inside]
+    density = 4.0 * length / WIND / (1.0 + 6.0 * f * length / WIND) ** (5.0 / 3.0)
+    coherence = np.exp(-12.0 * apart * np.hypot(f / WIND, 0.12 / length)[:, None]) @ kernel
+    # 8000 (high - low) independent values.
+    error = density.mean() * np.sqrt((1.0 + coherence.mean() ** 2) / (2.0 * 8000.0 * (high - low)))
+    measured = densities.mean(axis=0).real[inside].mean()
+    assert measured == pytest.approx((density * coherence).mean(), abs=3.0 * error)
+
+
 def _helix_spectrum(frequency, radius):
     """One-sided spectrum of a turning point, by integration of the frozen field's correlation along its helix."""
     lag = np.arange(0.0, 400.0, 2e-3)

@@ -404,7 +404,7 @@ def sizes_of(p):  # type: ignore[no-untyped-def]
 @njit(**OPTIONS)
 def work_size(s):  # type: ignore[no-untyped-def]
     """Numbers `move` works with."""
-    return actuators(s) * (2 + 2 * s.steps)
+    return s.blades * (s.flaps + s.pitch) * (2 + 2 * s.steps)
 
 
 @njit(**OPTIONS)

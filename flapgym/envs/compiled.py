@@ -18,6 +18,7 @@ from flapgym.envs.task import Scoring
 from flapgym.plant.backends.numba import (
     EDITION,
     OPTIONS,
+    START,
     Sizes,
     actuators,
     add_inputs,
@@ -140,7 +141,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
 
         angle = azimuth + s.turn * k * elapsed
         cosine, sine = math.cos(angle), math.sin(angle)
-        components(s, limits, flaps, 0, cosine, sine, inputs, s.commanded)
+        components(s, limits, flaps, START, cosine, sine, inputs, s.commanded)
         components(s, limits, flaps, count, cosine, sine, inputs, s.commanded + each)
         if s.lags:
             components(s, limits, flaps, 2 * count, cosine, sine, inputs, each)
@@ -154,9 +155,9 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
             if s.pitch:
                 settle(s, own[settling_at:flaps_at], inputs)
         else:
-            components(s, limits, work, 0, cosine, sine, inputs, 0)
+            components(s, limits, work, START, cosine, sine, inputs, START)
         read_modes(matrix, 1, modes, rows)
-        add_inputs(feed, 0, inputs, least, most, rows)
+        add_inputs(feed, START, inputs, least, most, rows)
         let_decay(matrix[0], modes)
         add_inputs(matrix, above, inputs, least, most, modes)
 

@@ -107,8 +107,8 @@ class Turbines:
         self.scoring = task.on(self.model, self.quantities)
         self.observed = places(task, self.model, self.quantities)
         """Where each name stands in an observation."""
-        self._told = columns_told(self.quantities, self.quantities.last)
-        self._sampled = columns_told(self.quantities, self.quantities.sample)
+        self._told = columns_told(self.quantities)
+        self._sampled = columns_of(self.quantities, self.quantities.sample)
         self.intensity = wind.intensities(count, self.model.turbulence_intensity)
         self._linear_limit = LINEAR_SHARE * self.model.wind_speed
         # Kept, because a plant computes the response to a gust it has met before only once.
@@ -129,6 +129,7 @@ class Turbines:
         self.observation_space = gymnasium.spaces.Box(-bound, bound, dtype=np.float32)
         actions = blades * (self.quantities.flaps + self.quantities.pitch)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (actions,), dtype=np.float32)
+        self._actions = (count, actions)
         self._origins: list[Origin | None] = [None] * count
 
     @property
@@ -233,7 +234,7 @@ class Turbines:
 
         Turbines whose episode is over are advanced too: what is returned for them has no meaning.
         """
-        values = numbers(actions, (self.count, *(self.action_space.shape or ())))
+        values = numbers(actions, self._actions)
         refuse_not_finite(values, blades=self.quantities.blades, flaps=self.quantities.flaps)
         loads = self.plant.step(values)
         elapsed = self.plant.elapsed
@@ -246,7 +247,9 @@ class Turbines:
         info["rbm_mean_square"] = loads.rbm_square
         info["reward_rbm"], info["reward_flap_angle"], info["reward_tower"] = of_moments, of_angles, of_tower
         if self.settings.record_samples:
-            info["samples"] = {name: loads.samples[:, :, place].copy() for name, place in self._sampled}
+            info["samples"] = {
+                name: loads.samples.take(columns, axis=2) for name, columns in self._sampled.items()
+            }
         return observation, reward, ~np.isfinite(reward), elapsed >= self.stepping.intervals, info
 
     def _as_measured(self, loads: Loads) -> Array:
@@ -262,16 +265,9 @@ class Turbines:
 
     def info(self, last: Array) -> Info:
         """SI quantities of the last sample, for n turbines; copies, because a view would keep all numbers alive."""
-        told: Info = {name: last[:, place].copy() for name, place in self._told}
-        told["wind_perturbation"] = told.pop("wind")
+        told: Info = {name: last.take(columns, axis=1) for name, columns in self._told.items()}
         for name in ("flap_stopped", "pitch_stopped")[: 1 + self.quantities.pitch]:
             told[name] = told[name] != 0.0
-        if self.quantities.blades == BLADES:
-            told["tower_top"] = np.empty((len(last), len(TOWER_TOP)))
-            for column, name in enumerate(TOWER_TOP):
-                told["tower_top"][:, column] = told.pop(name)
-        else:
-            del told["azimuth"]
         if self.settings.full_info and self.stepping.surroundings.steady:
             told["rbm_steady"] = self.steady(told["azimuth"])["rbm"]
         return told
@@ -511,12 +507,25 @@ def with_blade_rms(model: TurbineModel) -> TurbineModel:
     return dataclasses.replace(model, rbm_rms=float(output_rms(joint)[0]))
 
 
-def columns_told(quantities: Quantities, places: Mapping[str, slice]) -> list[tuple[str, slice | int]]:
-    """Names told in `info` and their columns: several where there is a number for each blade or flap, or just one."""
+def columns_of(quantities: Quantities, places: Mapping[str, slice]) -> dict[str, IntArray | int]:
+    """Columns by name: several where there is a number for each blade or flap, or just one."""
     one = {*quantities.fixed_outputs, "wind", "azimuth"}
-    return [
-        (name, place.start if name in one else place) for name, place in places.items() if name != "heading"
-    ]
+    return {
+        name: place.start if name in one else np.arange(place.start, place.stop)
+        for name, place in places.items()
+    }
+
+
+def columns_told(quantities: Quantities) -> dict[str, IntArray | int]:
+    """Columns of a turbine's last numbers by the names under which `info` tells them."""
+    columns = columns_of(quantities, quantities.last)
+    del columns["heading"]
+    columns["wind_perturbation"] = columns.pop("wind")
+    if quantities.blades == BLADES:
+        columns["tower_top"] = np.array([columns.pop(name) for name in TOWER_TOP])
+    else:
+        del columns["azimuth"]
+    return columns
 
 
 def _option(

@@ -45,7 +45,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
     `gymnasium.make_vec("flapgym/NREL5MW-v1", num_envs=1024)` makes it. Environment i has its own generator:
     `reset(seed=s)` seeds it with s + i, a list gives one seed each. Reset options may be single values or have a
     leading axis of environments. `info` holds one array a name, those of `full_info` always among them, with the mask
-    `_name` of Gymnasium beside it.
+    `_name` of Gymnasium beside it, which is locked.
 
     Parameters
     ----------
@@ -127,6 +127,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._ended = np.ones(num_envs, dtype=bool)
         self._started = np.zeros(num_envs, dtype=bool)
         self._observation = np.zeros(self.observation_space.shape or (), dtype=np.float32)
+        self._everyone = np.ones(num_envs, dtype=bool)
 
     @property
     def model(self) -> TurbineModel:
@@ -182,15 +183,15 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._ended[turbines], self._started[turbines] = False, True
         info = _scattered(info, turbines, self.num_envs)
         self._show(info, turbines, turbines)
-        return self._observation.copy(), _masked(info, mask)
+        return self._observation.copy(), _masked(info, mask.copy())
 
     def step(self, actions: ArrayLike) -> Step:
         """Advance every environment by one action (num_envs, blades F)."""
-        if not self._started.all():
+        if np.count_nonzero(self._started) < self.num_envs:
             raise ResetNeeded("step: call reset first")
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
             return self._step_then_reset_next(actions)
-        if self._ended.any():
+        if np.count_nonzero(self._ended):
             raise ResetNeeded('step: an episode has ended; call reset with options={"reset_mask": mask}')
         step = self._turbines.step(actions)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
@@ -199,7 +200,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._ended = terminated | truncated
         self._observation = observation.copy()  # what was returned is the caller's
         self._show(info)
-        return observation, reward, terminated, truncated, _masked(info, np.ones(self.num_envs, dtype=bool))
+        return observation, reward, terminated, truncated, _masked(info, self._everyone.copy())
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Pictures (height, width, 3) of all turbines in mode `rgb_array`."""
@@ -257,20 +258,19 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
             values[restart] = 0.0
             actions = values
         observation, reward, terminated, truncated, info = self._turbines.step(actions)
-        stepped = ~self._ended
         if restart.size:
             first, first_info = self._begin(restart)
             observation[restart], reward[restart] = first, 0.0
             terminated[restart] = truncated[restart] = False
             _overwrite(info, first_info, restart)
         self._show(info, restart)
-        everywhere = np.ones(self.num_envs, dtype=bool)
-        masks = dict.fromkeys(info, everywhere)
+        told = _masked(info, self._everyone.copy())
         if restart.size:
-            masks |= dict.fromkeys(STEP_INFO & info.keys(), stepped)
+            of_steps = {name: info[name] for name in STEP_INFO & info.keys()}
+            told |= _masked(of_steps, ~self._ended)
         self._ended = terminated | truncated
         self._observation = observation.copy()
-        return observation, reward, terminated, truncated, _masked(info, masks)
+        return observation, reward, terminated, truncated, told
 
     def _reset_ended(
         self,
@@ -280,23 +280,20 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         truncated: NDArray[np.bool_],
         info: Info,
     ) -> Step:
-        everywhere = np.ones(self.num_envs, dtype=bool)
         ended = terminated | truncated
-        restart = np.flatnonzero(ended)
-        masks: dict[str, NDArray[np.bool_]] = dict.fromkeys(info, everywhere)
+        restart = ended.nonzero()[0]
+        final: Info = {}
         if restart.size:
             last = np.full(self.num_envs, None, dtype=object)
             for index in restart:
                 last[index] = observation[index].copy()
-            final_info = _masked({name: _copied(value) for name, value in info.items()}, ended)
+            final = _masked({"final_obs": last, "final_info": _copied(info)}, ended)
             first, first_info = self._begin(restart)
             observation[restart] = first
             _overwrite(info, first_info, restart)
-            info |= {"final_obs": last, "final_info": final_info}
-            masks = {name: ended if name.startswith("final_") else everywhere for name in info}
         self._show(info, restart)
         self._observation = observation.copy()
-        return observation, reward, terminated, truncated, _masked(info, masks)
+        return observation, reward, terminated, truncated, _masked(info, self._everyone.copy()) | final
 
     def flap_motion(self) -> tuple[Array, Array]:
         """Angle and rate of every flap, (num_envs, blades F) each [rad, rad/s]."""
@@ -408,12 +405,11 @@ def _scattered(info: Info, turbines: NDArray[np.int64], count: int) -> Info:
     return spread
 
 
-def _masked(info: Info, masks: NDArray[np.bool_] | dict[str, NDArray[np.bool_]]) -> Info:
-    """Add Gymnasium's mask `_name` beside every entry, also inside of nested ones; each a fresh array."""
-    each = masks if isinstance(masks, dict) else dict.fromkeys(info, masks)
+def _masked(info: Info, mask: NDArray[np.bool_]) -> Info:
+    """Add Gymnasium's mask `_name` beside every entry, also inside of nested ones: one array, locked, for them all."""
+    mask.setflags(write=False)
     result: Info = {}
     for name, value in info.items():
-        mask = each[name]
-        result[name] = _masked(value, mask) if type(value) is dict and name != "final_info" else value
-        result["_" + name] = mask.copy()
+        result[name] = _masked(value, mask) if type(value) is dict else value
+        result["_" + name] = mask
     return result

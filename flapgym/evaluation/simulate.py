@@ -213,7 +213,7 @@ def _simulate_group(
         observation, _, terminated, truncated, info = environment.step(actions)
         new = min(steps, kept - done)
         for name in (*_SAMPLES, *further):
-            samples = np.swapaxes(info["samples"][name], 0, 1)
+            samples = info["samples"][name].swapaxes(0, 1)
             if not done:
                 # Time first: a step then writes one piece of memory, and not one a turbine far from each other.
                 series[name] = np.empty((kept, *samples.shape[1:]))

@@ -42,23 +42,22 @@ def tell(
         Of blade 1 at the last sample [rad].
     """
     p, n = parameters, len(rbm)
-    unknown = np.full((n, p.blade_places - p.blade_outputs, p.blades), np.nan)
+    unknown = np.full((n, (p.blade_places - p.blade_outputs) * p.blades), np.nan)
     unknown_fixed = np.full((n, p.fixed_places - p.fixed_outputs), np.nan)
+    heading = np.empty((n, 3))
+    heading[:, 0], heading[:, 1], heading[:, 2] = azimuth % (2.0 * np.pi), np.cos(azimuth), np.sin(azimuth)
     last = np.concatenate(
         [
             rbm[:, -1],
             others[:, :, -1].reshape(n, -1),
-            unknown.reshape(n, -1),
-            motion[-1, 0].T,
-            motion[-1, 1].T,
+            unknown,
+            motion[-1].reshape(-1, n).T,
             travel.T,
             stopped.T,
             fixed[:, :, -1],
             unknown_fixed,
             wind[:, -1:],
-            (azimuth % (2.0 * np.pi))[:, None],
-            np.cos(azimuth)[:, None],
-            np.sin(azimuth)[:, None],
+            heading,
         ],
         axis=1,
     )

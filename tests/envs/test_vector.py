@@ -108,8 +108,31 @@ def test_returned_arrays_are_never_used_again():
         part
         for step in kept
         for part in (step[0], *(v for v in step[-1].values() if isinstance(v, np.ndarray)))
+        if part.flags.writeable  # not the masks: one serves all entries of a step
     ]
     assert not any(np.shares_memory(one, other) for i, one in enumerate(arrays[:60]) for other in arrays[:i])
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_masks_are_locked_and_later_steps_leave_them(mode):
+    env = FlapVectorEnv(2, model=synthetic_model(), autoreset_mode=mode, **KEYWORDS)
+    infos = [env.reset(seed=0)[-1]]
+    for _ in range(5 if mode is AutoresetMode.DISABLED else 25):
+        infos.append(env.step(np.ones((2, 3)))[-1])
+    masks = [(info, name) for info in infos for name in info if name.startswith("_")]
+    assert not any(info[name].flags.writeable for info, name in masks)
+    assert not any(
+        np.shares_memory(one["_rbm"], other["_rbm"]) for i, one in enumerate(infos) for other in infos[:i]
+    )
+
+
+def test_a_mask_given_to_a_reset_stays_the_callers():
+    env = FlapVectorEnv(2, model=synthetic_model())
+    env.reset(seed=0)
+    mask = np.array([True, False])
+    _, info = env.reset(options={"reset_mask": mask})
+    mask[:] = False
+    assert info["_rbm"].tolist() == [True, False]
 
 
 def test_each_environment_may_have_its_own_realisation():

@@ -30,6 +30,9 @@ OPTIONS: dict[str, Any] = {
     "fastmath": {"reassoc", "contract", "nsz"},
     "error_model": "numpy",
 }
+WITHIN: dict[str, Any] = OPTIONS | {"inline": "always"}
+"""Of what is small or called at one place: alone it would be compiled twice, by itself and within its caller. Not of
+`decay_many`, whose loop then comes out slower, with a seventh of a step of 64 turbines."""
 _FILES = (__file__, str(actuator.__file__), str(parameters.__file__))
 EDITION = zlib.crc32(b"".join(Path(file).read_bytes() for file in _FILES))
 """Of the files that go into compiled code here and in `flapgym.envs.compiled`: numba looks at a function's own file."""
@@ -38,6 +41,8 @@ THIRD = 1.0 / BLADES
 C1, S1 = math.cos(2.0 * math.pi * THIRD), math.sin(2.0 * math.pi * THIRD)
 """From one blade to the next."""
 TURN = 2.0 * math.pi
+START = np.int64(0)
+"""Where a first place is handed over: numba compiles a function anew for a literal number."""
 BLOCK = 128
 """Turbines that are stepped together."""
 NEXT_TO_NOTHING = 1e-30
@@ -146,7 +151,7 @@ class _Announcement(event.Listener):
 event.register("numba:compile", _Announcement())
 
 
-flap_step = njit(inline="always", **OPTIONS)(actuator.flap_step)
+flap_step = njit(**WITHIN)(actuator.flap_step)
 
 
 @njit(**OPTIONS)
@@ -413,7 +418,7 @@ def last_size(s):  # type: ignore[no-untyped-def]
     return s.blade_places * s.blades + 4 * actuators(s) + s.fixed_places + 4
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def move_many(p, actions, flaps, command, gained, jumps, stopped, square, samples):  # type: ignore[no-untyped-def]
     """`move` for n turbines, which stand innermost; returns whether a stop was met and whether angles jumped.
 
@@ -448,11 +453,12 @@ def move_many(p, actions, flaps, command, gained, jumps, stopped, square, sample
                 jumped += abs(jump)
             for t in range(n * p.record):
                 samples[t, j, at + i], samples[t, j, at + count + i] = angle[t], rate[t]
-        met_any += met.sum()
+        for t in range(n):
+            met_any += met[t]
     return met_any > 0.0, jumped > 0.0
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def choose(stopped, command, lagged, gained):  # type: ignore[no-untyped-def]
     """Leave the command of turbines whose actuators are all free, and the rate gained in every step of the others.
 
@@ -508,7 +514,7 @@ def decay_many(decay, modes, after):  # type: ignore[no-untyped-def]
             beside[m] = second if abs(second) > NEXT_TO_NOTHING else 0.0
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def add_jumps(p, s, jumps, cosine, sine, after, rows):  # type: ignore[no-untyped-def]
     """What jumps of angles (k, blades A, n) did to modes and rows: few actuators hit a stop at once."""
     k, count, n = jumps.shape
@@ -522,25 +528,25 @@ def add_jumps(p, s, jumps, cosine, sine, after, rows):  # type: ignore[no-untype
                 one[i, 0] = jumps[j, i, t]
                 total += abs(jumps[j, i, t])
             if total > 0.0:
-                components_many(one, p.effectiveness, s, cosine[t : t + 1], sine[t : t + 1], inputs, 0)
-                add_inputs(p.push, row, inputs[0], 0, width, after[t])
-                add_inputs(p.feed, row, inputs[0], 0, width, rows[t])
+                components_many(one, p.effectiveness, s, cosine[t : t + 1], sine[t : t + 1], inputs, START)
+                add_inputs(p.push, row, inputs[0], START, width, after[t])
+                add_inputs(p.feed, row, inputs[0], START, width, rows[t])
 
 
-@njit(**OPTIONS)
-def read_many(p, s, episode, elapsed, rows, flaps, stopped, square, cosine, sine, first, loads):  # type: ignore[no-untyped-def]
+@njit(**WITHIN)
+def read_many(s, episode, elapsed, rows, flaps, stopped, square, cosine, sine, first, loads):  # type: ignore[no-untyped-def]
     """Loads of turbines from `first` on from their rows, the wind's response added."""
     last, rbm_square, angle_square, fixed_square, samples = loads
     responses = episode.responses
     count, n = len(stopped), len(rows)
-    at = p.blade_places * p.blades
+    at = s.blade_places * s.blades
     fixed_at = at + 4 * count
-    wind_at = fixed_at + p.fixed_places
+    wind_at = fixed_at + s.fixed_places
     own = np.empty(s.rows)
     for t in range(n):
         turbine = first + t
         level, since = episode.level[turbine], elapsed[turbine]
-        wind, told = responses[episode.place[turbine], min(since, p.intervals - 1)], last[turbine]
+        wind, told = responses[episode.place[turbine], min(since, s.intervals - 1)], last[turbine]
         each = samples[turbine]
         for r in range(s.rows):
             own[r] = rows[t, r] + wind[r] * level
@@ -551,7 +557,7 @@ def read_many(p, s, episode, elapsed, rows, flaps, stopped, square, cosine, sine
             told[at + 2 * count + i], told[at + 3 * count + i] = flaps[3, i, t], stopped[i, t]
         turned = heading(s, episode.azimuth[turbine], since, cosine[t], sine[t])
         told[wind_at + 1], told[wind_at + 2], told[wind_at + 3] = turned
-        angle_square[turbine] = square[t] / (p.steps * p.blades * p.flaps)
+        angle_square[turbine] = square[t] / (s.steps * s.blades * s.flaps)
 
 
 def _entry(edition: int) -> Any:
@@ -580,9 +586,11 @@ def _entry(edition: int) -> Any:
             )
             gained, jumps, square = np.empty((k, count, size)), np.empty((k, count, size)), np.empty(size)
             before, after = state.modes[some], modes[some]
+            # Number by number: with a slice numba compiles the message that its size is another, for two seconds.
             for what in range(4):
                 for i in range(count):
-                    started[what, i, :] = state.flaps[what, i, some]
+                    for t in range(size):
+                        started[what, i, t] = state.flaps[what, i, first + t]
             moved = started.copy()
             met, jumped = move_many(
                 p, actions[some], moved, command, gained, jumps, stopped, square, loads[4][some]
@@ -591,7 +599,7 @@ def _entry(edition: int) -> Any:
                 choose(stopped, command, started[2], gained)
             wide = s.given + width * k * met
             given = np.empty((size, wide), kind)
-            components_many(command, p.effectiveness, s, cosine, sine, given, 0)
+            components_many(command, p.effectiveness, s, cosine, sine, given, START)
             if p.lags:
                 components_many(started[2], p.effectiveness, s, cosine, sine, given, width)
             components_many(started[0], p.effectiveness, s, cosine, sine, given, s.commanded)
@@ -603,14 +611,17 @@ def _entry(edition: int) -> Any:
                     settle(s, p.settling.ravel(), given[t])
             np.dot(given, p.push[:wide], after)
             decay_many(p.decay, before, after)
-            rows = np.dot(before, p.read)
-            rows += np.dot(given, p.feed[:wide])
+            rows, fed = np.empty((size, s.rows), kind), np.empty((size, s.rows), kind)
+            np.dot(before, p.read, rows)
+            np.dot(given, p.feed[:wide], fed)
+            rows += fed
             if jumped:
                 add_jumps(p, s, jumps, cosine, sine, after, rows)
             for what in range(4):
                 for i in range(count):
-                    flaps[what, i, some] = moved[what, i]
-            read_many(p, s, episode, elapsed, rows, moved, stopped, square, cosine, sine, first, loads)
+                    for t in range(size):
+                        flaps[what, i, first + t] = moved[what, i, t]
+            read_many(s, episode, elapsed, rows, moved, stopped, square, cosine, sine, first, loads)
         # Plain tuples: to make a named one Python's own code runs, and an interrupt there is the end of the process.
         return (elapsed + 1, flaps, modes), loads
 

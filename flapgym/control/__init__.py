@@ -11,6 +11,7 @@ from flapgym.control.agent_files import (
 )
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
+from flapgym.control.individual_pitch import IndividualPitch, individual_pitch_agent
 from flapgym.control.lqg import DesignModel, Weights, design_model, lqg_agent, synthesise, white_wind
 from flapgym.control.mpc import PredictiveController
 from flapgym.control.pd import PDGains, pd_agent
@@ -24,6 +25,7 @@ __all__ = [
     "Agent",
     "BladeController",
     "DesignModel",
+    "IndividualPitch",
     "OpenLoop",
     "PDGains",
     "PIDGains",
@@ -36,6 +38,7 @@ __all__ = [
     "closed_loop",
     "design_model",
     "growth_per_turn",
+    "individual_pitch_agent",
     "load_agent",
     "lqg_agent",
     "made_for",

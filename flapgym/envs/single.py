@@ -98,8 +98,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Starting State
 
     Stationary turbulence and the turbine's stationary response to it, drawn from their joint distribution (no run-in);
-    azimuth uniform; flaps at rest in the middle. A field blows 20 s before the episode, from equilibrium with its
-    beginning. `reset` takes these `options`:
+    azimuth uniform; flaps at rest in the middle. A field's response is stationary, too; a box has
+    passed for 20 s. `reset` takes these `options`:
 
     | option | value | meaning |
     |---|---|---|
@@ -138,7 +138,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `flap_angle`, `flap_rate` (3,) | both | [rad], [rad/s] |
     | `flap_travel` (3,) | both | way gone since the reset [rad] |
     | `flap_stopped` (3,) | both | whether the flap met a stop in the interval |
-    | `pitch_angle`, `pitch_rate`, `pitch_travel`, `pitch_stopped` (3,) | both | the same of pitch, with `pitch=True` |
+    | `pitch_angle`, `pitch_rate`, `pitch_travel`, `pitch_stopped` (3,) | both | with `pitch=True`: the same of pitch |
     | `rbm_mean_square` (3,) | `step` | over the interval [N^2 m^2] |
 
     and a model's further outputs by their names. Where steady inflow or gravity is given, `full_info=True` adds
@@ -187,13 +187,14 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `wind.field`, `wind.inflow` and `gravity` need a model with those inputs, such as `nrel5mw-site`, and a rotor that
     turns: `single_blade=True` is refused. What is steady depends on the azimuth alone, and loads are told about their
     means over a revolution under it. `wind.field` is a mapping of its `kind` and entries in SI units, or an object of
-    `flapgym.wind.VonKarman` or `Kaimal`. It takes the place of `wind.turbulence_intensity` and `wind.length_scale`,
-    which are refused beside it. A picture (`render_mode`) shows the wind over the disk by colour.
+    `flapgym.wind.VonKarman`, `Kaimal` or `BoxFile`. It takes the place of `wind.turbulence_intensity` and
+    `wind.length_scale`, which are refused beside it. A picture (`render_mode`) shows the wind over the disk by colour.
 
     | `kind` | further entries | turbulence |
     |---|---|---|
     | `"von_karman"` | `turbulence_intensity`, `length_scale` | isotropic; by default the model's intensity and length |
     | `"kaimal"` | `turbulence`, classes, `turbulence_intensity`, `hub_height` | of IEC 61400-1 (2005), annex B.2 |
+    | `"box"` | `file`, `shape`, `spacing`, `start`, `turbulence_intensity`, `hub_height` | of a file, docs/wind.md |
 
     Kaimal's `turbulence` is `"NTM"` (normal, the default) or `"ETM"` (extreme). `turbulence_class` is `"A"` to `"C"`,
     by default `"A"`; `turbine_class`, `"I"` to `"III"`, by default `"I"`, counts in the extreme one alone. A
@@ -224,7 +225,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `"extreme_operating_gust"` | classes, `start` | dip, peak and dip within 10.5 s |
     | `"extreme_direction_change"` | `turbulence_class`, `turns`, `start` | what a turn of the wind in 6 s takes off |
     | `"extreme_coherent_gust"` | `turns`, `start` | a rise of 15 m/s and a turn within 10 s, which stay |
-    | `"extreme_wind_shear"` | `turbulence_class`, `stronger`, `start` | 12 s of shear; environments refuse it so far |
+    | `"extreme_wind_shear"` | `turbulence_class`, `stronger`, `start` | 12 s of shear; takes winds by strip |
     | `"recorded"` | `file`, `start` | a series from a CSV file |
 
     `start` is 0 if it is not given; no perturbation may exceed 100 m/s, nor a frequency 50 Hz or half that of the

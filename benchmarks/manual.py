@@ -157,10 +157,11 @@ def _as_in(entry: Registered) -> str:
 def _scored(scores: Mapping[str, Any]) -> list[str]:
     """What the shipped agents reach, as a table."""
     agents = scores["agents"]
-    still = agents["open_loop"]
+    still, pitches = agents["open_loop"], any(each["pitch_travel"] for each in agents.values())
     rows = [
         f"| `{name}` | {100.0 * (each['rbm_rms'] / still['rbm_rms'] - 1.0):+.1f} "
         f"| {100.0 * (each['rbm_del'] / still['rbm_del'] - 1.0):+.1f} | {np.rad2deg(each['flap_travel']):.1f} |"
+        + (f" {np.rad2deg(each['pitch_travel']):.2f} |" if pitches else "")
         for name, each in agents.items()
         if name != "open_loop"
     ]
@@ -175,8 +176,9 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
     return [
         *textwrap.wrap(text, 120),
         "",
-        "| agent | RBM rms [%] | RBM DEL [%] | flap travel [deg/s] |",
-        "|---|---|---|---|",
+        "| agent | RBM rms [%] | RBM DEL [%] | flap travel [deg/s] |"
+        + (" pitch travel [deg/s] |" if pitches else ""),
+        "|---|---|---|---|" + ("---|" if pitches else ""),
         *rows,
         "",
     ]

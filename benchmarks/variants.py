@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, individual_pitch_agent, load_agent
+from flapgym.control.individual_pitch import CROSSOVER, INDIVIDUAL_PITCH
 from flapgym.core.atomic import check_target, write_atomically
 from flapgym.core.program import Parser, Work, run, whole
 from flapgym.core.progress import ProgressBar
@@ -29,12 +30,10 @@ from flapgym.model import DEFAULT_MODEL, TurbineModel, load_model
 
 TURBULENT, GUST = 120.0, 20.0
 """Length of a realisation [s] in turbulence, and of a gust's episode."""
-CROSSOVER = 0.3
-"""Of individual pitch control [rad/s]: chosen on other realisations, where 0.5 takes off a point of DEL more."""
 
 
 def scores(entry: Registered, agents: Sequence[str], realisations: int, seconds: float) -> dict[str, Any]:
-    """Mean rms and damage-equivalent load of the root moment [N m] and flap travel [rad/s] of each agent."""
+    """Mean rms and damage-equivalent load of the root moment [N m] and travel of flaps and pitch [rad/s], by agent."""
     keywords = dict(entry.keywords)
     model = load_model(keywords.pop("model", DEFAULT_MODEL))
     playing = {
@@ -51,6 +50,7 @@ def scores(entry: Registered, agents: Sequence[str], realisations: int, seconds:
             "rbm_rms": float(np.mean(metrics.rbm_rms)),
             "rbm_del": float(np.mean(metrics.rbm_del)),
             "flap_travel": float(np.mean(metrics.flap_travel)),
+            "pitch_travel": float(np.mean(metrics.pitch_travel)),
         }
     return result
 
@@ -58,10 +58,9 @@ def scores(entry: Registered, agents: Sequence[str], realisations: int, seconds:
 def _pitching(model: TurbineModel, flaps: Mapping[str, Agent]) -> dict[str, Agent]:
     """Individual pitch control alone, and beside the agents of flaps."""
     return {
-        "individual_pitch" if name == OpenLoop.name else f"individual_pitch + {name}": individual_pitch_agent(
-            name, model, CROSSOVER, agent
-        )
+        each: individual_pitch_agent(each, model, CROSSOVER, agent)
         for name, agent in flaps.items()
+        for each in (INDIVIDUAL_PITCH if name == OpenLoop.name else f"{INDIVIDUAL_PITCH}+{name}",)
     }
 
 

@@ -19,6 +19,7 @@ from flapgym.control.agent import Agent, OpenLoop, check_fit, check_flaps
 from flapgym.control.agent_checks import check_numbers, named_errors
 from flapgym.control.blade_controller import BladeController, acceleration_limits
 from flapgym.control.channels import BLADE, MULTIBLADE, ROTOR
+from flapgym.control.individual_pitch import CROSSOVER, INDIVIDUAL_PITCH, individual_pitch_agent
 from flapgym.control.policy import Policy
 from flapgym.control.rotor_controller import RotorController
 from flapgym.core.arrays import Array
@@ -65,8 +66,9 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     """A shipped agent by its name, or one from its .json file, ready for `model`.
 
     A plain name means the agent of the set made for the model, or of the first of `AGENT_SETS` where none is;
-    "nrel5mw-rated/lqg" names one of a set whatever the model. An agent made for another model is returned all the same;
-    `made_for` tells.
+    "nrel5mw-rated/lqg" names one of a set whatever the model. "individual_pitch" is made for the model by its rule, and
+    moves the blades' pitch alone; "individual_pitch+lqg" does so beside what moves the flaps. An agent made for another
+    model is returned all the same; `made_for` tells.
 
     Raises
     ------
@@ -76,6 +78,11 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     """
     if str(name) == OpenLoop.name:
         return OpenLoop()
+    pitch, _, beside = str(name).partition("+")
+    if pitch == INDIVIDUAL_PITCH:
+        return individual_pitch_agent(
+            str(name), model, CROSSOVER, load_agent(beside, model) if beside else None
+        )
     path = _find(name, model)
     content = _read(path)
     try:
@@ -196,8 +203,8 @@ def _find(name: str | os.PathLike[str], model: TurbineModel) -> Path:
     path = Path(name)
     if path.suffix != ".json":
         raise ValueError(
-            f"agent {one_line(name)}: unknown; expected one of {', '.join(AGENT_NAMES)} or the path of an agent's "
-            ".json file"
+            f"agent {one_line(name)}: unknown; expected one of {', '.join(AGENT_NAMES)}, {INDIVIDUAL_PITCH}, or the "
+            "path of an agent's .json file"
         )
     return path
 

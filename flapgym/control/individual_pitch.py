@@ -15,6 +15,10 @@ from flapgym.core.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.turbine import Pitch
 
+INDIVIDUAL_PITCH = "individual_pitch"
+"""What it is called where agents go by names."""
+CROSSOVER = 0.3
+"""Of its integral there [rad/s]. A faster one takes off little more: 0.5 one point of the site's DEL, at 11 m/s."""
 OBSERVED = ("rbm", "azimuth")
 OWN_STATE = 6
 """Of each of two components: two delays of the filter, and the integral."""

@@ -57,8 +57,8 @@ class Score:
         Damage-equivalent load of all blades and realisations together, from their summed damage [N m].
     flap_angle_max, flap_rate_max : float
         Over everything [rad, rad/s].
-    flap_travel : float
-        Mean path of a flap per second [rad/s].
+    flap_travel, pitch_travel : float
+        Mean path of a flap, and of a blade's pitch, per second [rad/s].
     made_for_this_model : bool
         False if the agent was designed or trained on another model.
     """
@@ -73,6 +73,7 @@ class Score:
     flap_angle_max: float
     flap_rate_max: float
     flap_travel: float
+    pitch_travel: float
     made_for_this_model: bool
 
 
@@ -321,5 +322,6 @@ def _score(agent: Agent, model: TurbineModel, metrics: dict[str, Metrics]) -> Sc
         flap_angle_max=float(ours.flap_angle_max.max()),
         flap_rate_max=float(ours.flap_rate_max.max()),
         flap_travel=float(ours.flap_travel.mean()),
+        pitch_travel=float(ours.pitch_travel.mean()),
         made_for_this_model=made_for(agent, model),
     )

@@ -30,6 +30,8 @@ class Record:
         Flap motion after its stops [rad, rad/s], of F flaps a blade blade by blade.
     tower_fore_aft, tower_side_side, wind : (N, T) float
         Tower-top displacement downwind and sideways [m], wind perturbation [m/s].
+    pitch_angle : (N, T, 3) float
+        From the operating point's [rad]; (N, T, 0) where pitch stays.
     azimuth : (N,) float
         Of blade 1 one time step before the first sample [rad].
     time_step : float
@@ -48,6 +50,7 @@ class Record:
     azimuth: NDArray[np.float64]
     time_step: float
     further: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    pitch_angle: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +67,8 @@ class Metrics:
         Largest modulus over time, blades and their flaps [rad, rad/s].
     flap_travel : (N,) float
         Path of a flap per unit of time, mean over blades and their flaps [rad/s].
+    pitch_travel : (N,) float
+        Path of a blade's pitch, likewise; zero where it stays.
     """
 
     rbm_rms: NDArray[np.float64]
@@ -73,6 +78,7 @@ class Metrics:
     flap_angle_max: NDArray[np.float64]
     flap_rate_max: NDArray[np.float64]
     flap_travel: NDArray[np.float64]
+    pitch_travel: NDArray[np.float64]
 
 
 def measure(record: Record) -> Metrics:
@@ -86,6 +92,9 @@ def measure(record: Record) -> Metrics:
     check_record(record)
     duration = (record.flap_angle.shape[1] - 1) * record.time_step
     path = np.abs(np.diff(record.flap_angle, axis=1)).sum(axis=1).mean(axis=1)
+    of_pitch = np.zeros(len(record.rbm))
+    if record.pitch_angle.size:
+        of_pitch = np.abs(np.diff(record.pitch_angle, axis=1)).sum(axis=1).mean(axis=1)
     return Metrics(
         rbm_rms=root_mean_square(record.rbm, axis=1),
         tip_rms=root_mean_square(record.tip_deflection, axis=1),
@@ -99,6 +108,7 @@ def measure(record: Record) -> Metrics:
         flap_angle_max=np.abs(record.flap_angle).max(axis=(1, 2)),
         flap_rate_max=np.abs(record.flap_rate).max(axis=(1, 2)),
         flap_travel=path / duration,
+        pitch_travel=of_pitch / duration,
     )
 
 

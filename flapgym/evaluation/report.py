@@ -166,7 +166,12 @@ def _text_table(header: list[str], rows: list[list[str]]) -> list[str]:
 def _cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
     header = ["agent", *(f"{label} [%]" for label in CHANGES.values())]
     header += ["RBM rms [MN m]", "RBM DEL [MN m]", "max angle [deg]", "max rate [deg/s]", "travel [deg/s]"]
-    return header, [_row(name, score) for name, score in comparison.scores.items()]
+    rows = [_row(name, score) for name, score in comparison.scores.items()]
+    if any(score.pitch_travel for score in comparison.scores.values()):
+        header.append("pitch travel [deg/s]")
+        for row, score in zip(rows, comparison.scores.values(), strict=True):
+            row.append(f"{np.rad2deg(score.pitch_travel):.2f}")
+    return header, rows
 
 
 def _told_apart(comparison: Comparison) -> bool:

@@ -197,6 +197,7 @@ def _simulate_group(
     players = _players(agents, environment.observed, model, seeds, kept, settings)
     observation, first = environment.reset(seed=list(seeds) * len(agents))
     series = dict[str, Array]()
+    own_samples = (*_SAMPLES, "pitch_angle") if settings.get("pitch") else _SAMPLES
     further = tuple(name for name in (*model.blade_outputs, *model.fixed_outputs) if name not in _SAMPLES)
     for done in range(0, kept, steps):
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
@@ -212,7 +213,7 @@ def _simulate_group(
             )
         observation, _, terminated, truncated, info = environment.step(actions)
         new = min(steps, kept - done)
-        for name in (*_SAMPLES, *further):
+        for name in (*own_samples, *further):
             samples = info["samples"][name].swapaxes(0, 1)
             if not done:
                 # Time first: a step then writes one piece of memory, and not one a turbine far from each other.

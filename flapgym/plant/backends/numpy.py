@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, BoolArray, FloatArray
-from flapgym.model.multiblade import blade_azimuths
+from flapgym.core.multiblade import blade_azimuths
 from flapgym.plant.actuator import TOUCH, flap_step, free_motion
 from flapgym.plant.parameters import Episode, Loads, Parameters, State
 from flapgym.plant.telling import tell

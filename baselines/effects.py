@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flapgym.core.arrays import Array
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.core.state_space import StateSpace, require_time_step
 from flapgym.evaluation import Record, damage_equivalent_load, root_mean_square
 from flapgym.evaluation.metrics import FATIGUE_SLOPE
-from flapgym.model.multiblade import to_blades, to_components
 from reference.study import STUDY_OUTPUTS
 
 BLOCK = 64

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flapgym.core.atomic import write_picture
+from flapgym.core.multiblade import blade_azimuths
 from flapgym.core.program import Parser, Work, run
 from flapgym.evaluation import writable_folder
-from flapgym.model.multiblade import blade_azimuths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,13 +24,13 @@ from flapgym.control import Agent, OpenLoop, load_agent
 from flapgym.control.agent import OBSERVATION_SCALES
 from flapgym.core.arrays import Array
 from flapgym.core.atomic import write_atomically
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.core.program import Parser, Work, real, run, whole
 from flapgym.core.progress import ProgressBar
 from flapgym.evaluation import writable_folder
 from flapgym.evaluation.comparison import LONGEST
 from flapgym.evaluation.metrics import damage_equivalent_load, root_mean_square
 from flapgym.model import TurbineModel, load_model
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.plant.actuator import flap_step
 from flapgym.turbine import load_case
 from flapgym.wind import realise, von_karman_filter

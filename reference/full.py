@@ -19,7 +19,7 @@ from flapgym.aeroelastic.coupling import (
 )
 from flapgym.aeroelastic.equations import Parts, periodic_equations
 from flapgym.core.arrays import BLADES, Array
-from flapgym.model.multiblade import on_rotor
+from flapgym.core.multiblade import on_rotor
 from flapgym.reduction import ReducedSystem
 
 

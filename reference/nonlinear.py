@@ -15,7 +15,7 @@ import numpy as np
 from flapgym.aeroelastic.equations import Parts, root_moment, tip_deflection
 from flapgym.aeroelastic.trim import nodal_load
 from flapgym.core.arrays import BLADES, Array
-from flapgym.model.multiblade import WORK_WEIGHTS, blade_azimuths, hub_components, on_rotor
+from flapgym.core.multiblade import WORK_WEIGHTS, blade_azimuths, hub_components, on_rotor
 from flapgym.reduction import ReducedSystem
 from flapgym.structure import solve_equilibrium
 from flapgym.structure.blade import LOAD_STEPS

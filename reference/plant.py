@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array
-from flapgym.model.multiblade import to_blades, to_components
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import ModelFlap, TurbineModel
 from flapgym.plant.actuator import TOUCH
 from flapgym.turbine import Pitch

@@ -17,8 +17,8 @@ import scipy.linalg
 from flapgym.aeroelastic.equations import Parts, periodic_equations
 from flapgym.aeroelastic.periodic import PERIODIC_OUTPUTS
 from flapgym.core.arrays import BLADES, Array
+from flapgym.core.multiblade import on_rotor
 from flapgym.core.state_space import StateSpace
-from flapgym.model.multiblade import on_rotor
 from flapgym.reduction import ReducedSystem
 from flapgym.structure.rotation import about_x
 from flapgym.wind import von_karman_filter

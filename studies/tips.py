@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flapgym.core.arrays import Array
+from flapgym.core.multiblade import to_blades
 from flapgym.core.state_space import series
 from flapgym.model import TurbineModel
-from flapgym.model.multiblade import to_blades
 from flapgym.wind import realise, von_karman_filter
 
 CYCLES = (28, 37)  # the paper's window

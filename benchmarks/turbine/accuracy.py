@@ -13,8 +13,8 @@ from flapgym.aeroelastic.coupling import couple
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
 from flapgym.core.arrays import Array
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.core.state_space import StateSpace
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.wind import von_karman_spectrum
 from reference.full import march_turbine
 from studies.parts import Study, Tell

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flapgym.core.arrays import Array
+from flapgym.core.multiblade import WORK_WEIGHTS, derivative_coupling
 from flapgym.core.state_space import StateSpace
-from flapgym.model.multiblade import WORK_WEIGHTS, derivative_coupling
 from flapgym.reduction import ReducedSystem
 
 

@@ -15,7 +15,7 @@ from flapgym.aeroelastic.periodic import PeriodicEquations
 from flapgym.aeroelastic.pitch import along, pitch_axis, pitch_motion, turned_steady_loads
 from flapgym.aeroelastic.stations import FLAPWISE, cut_at, nodes_beside, station_shares
 from flapgym.core.arrays import Array
-from flapgym.model.multiblade import WORK_WEIGHTS, hub_components
+from flapgym.core.multiblade import WORK_WEIGHTS, hub_components
 from flapgym.model.signals import BLADE_OUTPUTS, GRAVITY, blade_inputs, turbine_inputs, turbine_outputs
 from flapgym.reduction import normal_modes
 from flapgym.structure import LinearBlade, LinearSupport

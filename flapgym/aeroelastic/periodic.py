@@ -26,7 +26,7 @@ from flapgym.aeroelastic.coupling import (
     reading,
 )
 from flapgym.core.arrays import BLADES, Array
-from flapgym.model.multiblade import blade_azimuths, derivative_coupling, hub_components, on_rotor
+from flapgym.core.multiblade import blade_azimuths, derivative_coupling, hub_components, on_rotor
 from flapgym.model.signals import EACH_BLADE, turbine_inputs, turbine_outputs
 from flapgym.reduction import ReducedSystem
 

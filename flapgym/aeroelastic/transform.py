@@ -14,8 +14,8 @@ import scipy.linalg
 
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder
 from flapgym.core.arrays import BLADES, Array
+from flapgym.core.multiblade import blade_azimuths, derivative_coupling, on_rotor
 from flapgym.core.state_space import StateSpace
-from flapgym.model.multiblade import blade_azimuths, derivative_coupling, on_rotor
 from flapgym.model.signals import COMPONENTS, EACH_BLADE, grouped
 
 

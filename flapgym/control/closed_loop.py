@@ -15,8 +15,8 @@ from scipy.special import logsumexp
 from flapgym.control.channels import BLADE, MULTIBLADE, ROTOR, controller_channels
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, Quantity
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.core.state_space import StateSpace, require_time_step, series
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.signals import flap_names
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.wind import von_karman_filter

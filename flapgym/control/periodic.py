@@ -14,8 +14,8 @@ from flapgym.control.channels import MULTIBLADE, ROTOR, controller_channels
 from flapgym.control.closed_loop import flaps_loop, growth_per_turn, require_flaps, require_model_step
 from flapgym.control.margins import DiskMargin
 from flapgym.core.arrays import Array
+from flapgym.core.multiblade import blade_azimuths
 from flapgym.core.state_space import StateSpace, TransferFunction
-from flapgym.model.multiblade import blade_azimuths
 from flapgym.model.turbine_model import TurbineModel
 
 Response = NDArray[np.complexfloating]

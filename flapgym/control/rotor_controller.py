@@ -12,8 +12,8 @@ from flapgym.control.agent_checks import check_hash, check_numbers, error_prefix
 from flapgym.control.blade_controller import OBSERVED, check_limits, step_matrix
 from flapgym.control.channels import Channels, controller_channels
 from flapgym.core.arrays import BLADES, Array
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.core.state_space import StateSpace
-from flapgym.model.multiblade import to_blades, to_components
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,9 @@
-"""Signals of three equal blades and their multi-blade (Coleman) components, to and fro.
+"""Multi-blade (Coleman) coordinates: signals of three blades and their components, to and fro.
 
 u_b = u_0 + u_c cos(theta_b) + u_s sin(theta_b), theta_b = theta + 2 pi b / 3 (b = 0, 1, 2): three numbers for three,
-so any signal of the blades has components, at every azimuth.
+so any signal of the blades has components, at every azimuth. With three equal blades on a tower the azimuth drops out
+of the coupled equations, so the A(theta) of the paper's eq. 14 becomes one constant matrix. Frozen-azimuth eigenvalues
+are not physical modes; those of the transformed system are.
 """
 
 from __future__ import annotations
@@ -9,6 +11,15 @@ from __future__ import annotations
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
+
+# Sum over the blades of cos^2 and sin^2 is 3/2, of one is 3: the virtual work of the components.
+WORK_WEIGHTS = np.array([3.0, 1.5, 1.5])
+
+# v in the frame of the blade at theta is (P_0 + P_c cos theta + P_s sin theta) v in the hub's
+# non-rotating frame: the rotation about x by -theta.
+_AXIAL = np.diag([1.0, 0.0, 0.0])
+_COSINE = np.diag([0.0, 1.0, 1.0])
+_SINE = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
 def blade_azimuths(azimuth: Array | float) -> Array:
@@ -65,3 +76,19 @@ def component_harmonics(harmonics: ComplexArray) -> ComplexArray:
     found = np.stack([middle, below + above, 1j * (above - below)], axis=-1)
     found[0].imag = 0.0  # of a constant only the real part is told
     return found
+
+
+def hub_components() -> Array:
+    """Components (3, 6, 6) of the map from hub motion (u, phi) in the fixed frame to a blade's frame."""
+    return np.stack([np.kron(np.eye(2), part) for part in (_AXIAL, _COSINE, _SINE)])
+
+
+def derivative_coupling(rotor_speed: float) -> Array:
+    """J (3, 3) with d/dt (u_0, u_c, u_s) of the blade signal = (u_0, u_c, u_s)' + J (u_0, u_c, u_s)."""
+    return rotor_speed * np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+
+
+def on_rotor() -> Array:
+    """Matrix (3, 3) from components (0, c, s) that turn with the rotor, its azimuth counted as zero, to blades."""
+    angle = blade_azimuths(0.0)
+    return np.stack([np.ones(BLADES), np.cos(angle), np.sin(angle)], axis=-1)

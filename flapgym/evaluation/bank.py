@@ -12,7 +12,7 @@ from flapgym.control.agent import by_blade
 from flapgym.control.blade_controller import OBSERVED, step_matrix
 from flapgym.control.channels import controller_channels
 from flapgym.core.arrays import BLADES, Array
-from flapgym.model.multiblade import blade_azimuths
+from flapgym.core.multiblade import blade_azimuths
 
 Linear = BladeController | RotorController
 _SHARES = np.array([1.0, 2.0, 2.0]) / BLADES

@@ -1,7 +1,7 @@
 """Multi-blade components over an interval of k steps, seen from the azimuth at which the interval starts.
 
 A turbine's azimuth theta at the interval's start enters once, as the transform between blades and components
-(flapgym.model.multiblade); the turn by j Omega dt up to sample j is the same in every interval and for
+(flapgym.core.multiblade); the turn by j Omega dt up to sample j is the same in every interval and for
 every turbine, so it is folded into the lifted matrices here.
 """
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, FloatArray, IntArray
-from flapgym.model.multiblade import to_blades, to_components
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.disturbance import Disturbance
 from flapgym.plant.fingerprint import plant_fingerprint

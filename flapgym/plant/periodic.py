@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.core.arrays import BLADES, Array, BoolArray, FloatArray, IntArray
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.core.state_space import StateSpace
 from flapgym.model.harmonics import PeriodicPart
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.signals import COMPONENTS
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.backends.numpy import flaps_after, move

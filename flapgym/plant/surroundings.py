@@ -13,8 +13,8 @@ import numpy as np
 from scipy.constants import g as STANDARD_GRAVITY
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
+from flapgym.core.multiblade import to_blades
 from flapgym.core.state_space import StateSpace
-from flapgym.model.multiblade import to_blades
 from flapgym.model.nameplate import nameplate
 from flapgym.model.signals import COMPONENTS, grouped, strip_inputs
 from flapgym.model.turbine_model import TurbineModel

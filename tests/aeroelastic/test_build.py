@@ -12,8 +12,8 @@ from flapgym.aeroelastic.build import STAGES, build_model, open_loop_rms
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, turbine_equations
 from flapgym.aeroelastic.trim import trim
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.model import TurbineModel, load_model
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.reduced import activity
 from flapgym.reduction import normal_modes, relative_error
 from flapgym.structure import linear_support

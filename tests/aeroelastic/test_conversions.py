@@ -11,8 +11,8 @@ from flapgym.aeroelastic.coupling import multiblade_aerodynamics
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import periodic_model, step_matrices
 from flapgym.aeroelastic.transform import spread_matrix, step_in_multiblade
+from flapgym.core.multiblade import to_components
 from flapgym.core.state_space import StateSpace
-from flapgym.model.multiblade import to_components
 from flapgym.turbine import load_case
 
 CASE = load_case("nrel5mw-rated")

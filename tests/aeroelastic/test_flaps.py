@@ -13,9 +13,9 @@ from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import blade_equations, periodic_equations, turbine_equations
 from flapgym.aeroelastic.transform import in_multiblade
 from flapgym.aeroelastic.unequal import assemble_unequal
+from flapgym.core.multiblade import to_blades
 from flapgym.core.state_space import series
 from flapgym.model import blade_flap_inputs, flap_inputs, load_model, save_model
-from flapgym.model.multiblade import to_blades
 from flapgym.model.nameplate import nameplate
 from flapgym.model.reduced import activity, reduced_model
 from flapgym.turbine import load_case

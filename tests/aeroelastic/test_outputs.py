@@ -8,7 +8,7 @@ import pytest
 from flapgym.aeroelastic.blade_lattice import BladeLattice
 from flapgym.aeroelastic.build import build_model
 from flapgym.aeroelastic.equations import Parts, turbine_equations
-from flapgym.model.multiblade import WORK_WEIGHTS, derivative_coupling, hub_components
+from flapgym.core.multiblade import WORK_WEIGHTS, derivative_coupling, hub_components
 from flapgym.reduction import normal_modes
 from flapgym.structure import linear_blade, linear_support
 from flapgym.structure.beam import tangent

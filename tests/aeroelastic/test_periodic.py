@@ -16,7 +16,7 @@ from flapgym.aeroelastic.equations import (
     turbine_equations,
 )
 from flapgym.aeroelastic.periodic import periodic_model, step_matrices
-from flapgym.model.multiblade import to_blades, to_components
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.reduction import ReducedSystem, normal_modes
 from flapgym.structure import assemble, linear_blade, linear_support
 from flapgym.turbine import load_case

@@ -13,11 +13,11 @@ from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import periodic_equations, turbine_equations
 from flapgym.aeroelastic.periodic import step_matrices
 from flapgym.aeroelastic.unequal import assemble_unequal, multiblade_equations, unequal_equations
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.core.state_space import series
 from flapgym.model import load_model, save_model
 from flapgym.model.export import save_mat
 from flapgym.model.harmonics import fourier_series, simulate_periodic, system_at
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.structure import assemble
 from flapgym.turbine import load_case
 from reference.floquet import floquet_multipliers

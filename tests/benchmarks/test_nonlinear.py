@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.nonlinear import LinearMarch, Loop, measures, table, wind_of
 from flapgym.control import OpenLoop, load_agent
+from flapgym.core.multiblade import to_blades
 from flapgym.model import load_model
-from flapgym.model.multiblade import to_blades
 from reference.plant import run
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flapgym.core.multiblade import blade_azimuths
 from flapgym.envs import FlapEnv
-from flapgym.model.multiblade import blade_azimuths
 from flapgym.structure.rotation import about_x
 
 DEGREE = np.pi / 180.0

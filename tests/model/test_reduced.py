@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.model import load_model
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.model.reduced import activity, reduced_model
 
 MODEL = load_model("nrel5mw-rated")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flapgym.plant.responses as responses
+from flapgym.core.multiblade import to_components
 from flapgym.model import load_model
-from flapgym.model.multiblade import to_components
 from flapgym.plant import GivenWind
 from flapgym.plant.disturbance import wind_modes, wind_response
 from flapgym.wind import gust_of

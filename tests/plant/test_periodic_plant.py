@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.model.harmonics import PeriodicPart, simulate_periodic
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.plant import Faults, GivenWind, PeriodicPlant, Stepping, make_plant
 from tests.plant.plants import (
     LENGTH_SCALE,

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flapgym.core.multiblade import to_components
 from flapgym.model import load_model
 from flapgym.model.harmonics import PeriodicPart
-from flapgym.model.multiblade import to_components
 from flapgym.plant import Faults
 from flapgym.plant.modal import modal_form
 from flapgym.plant.stuck import stuck_modes

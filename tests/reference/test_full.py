@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flapgym.aeroelastic.build import assemble_parts, slow_wake
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.model import load_model
-from flapgym.model.multiblade import to_blades, to_components
 from flapgym.turbine import load_case
 from reference.full import march_turbine
 

@@ -9,7 +9,7 @@ from flapgym.aeroelastic.blade_lattice import reduce_component
 from flapgym.aeroelastic.build import assemble_parts
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import turbine_equations
-from flapgym.model.multiblade import to_blades, to_components
+from flapgym.core.multiblade import to_blades, to_components
 from flapgym.turbine import load_case
 from reference.nonlinear import nonlinear_turbine
 from reference.nonlinear_march import NonlinearMarch

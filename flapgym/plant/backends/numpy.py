@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, BoolArray, FloatArray
-from flapgym.model.multiblade import blade_azimuths
+from flapgym.core.multiblade import blade_azimuths
 from flapgym.plant.actuator import TOUCH, Law, flap_step, free_motion
 from flapgym.plant.parameters import Episode, Loads, Parameters, State
 from flapgym.plant.telling import tell
+
+TINY = {np.dtype(kind): np.finfo(kind).tiny for kind in (np.float32, np.float64)}
+"""Smallest normal number of each precision."""
 
 
 def step(parameters: Parameters, episode: Episode, state: State, actions: FloatArray) -> tuple[State, Loads]:
@@ -128,7 +131,7 @@ def _superposed(parameters: Parameters, modes: FloatArray, given: Array) -> tupl
     turned[:, 0] -= across[:, 1]
     turned[:, 1] += across[:, 0]
     # What flaps at rest leave would decay to denormal numbers, which make a product ten times as long.
-    np.putmask(after, np.abs(after) < np.finfo(after.dtype).tiny, 0.0)
+    after[np.abs(after) < TINY[after.dtype]] = 0.0
     return after, modes @ p.read + given @ p.feed[: p.free]
 
 

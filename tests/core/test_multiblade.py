@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flapgym.aeroelastic.coupling import multiblade_aerodynamics, turbine_structure
-from flapgym.model.multiblade import blade_azimuths, hub_components, to_blades, to_components
+from flapgym.core.multiblade import blade_azimuths, hub_components, to_blades, to_components
 from flapgym.reduction import ReducedSystem
 
 OMEGA = 1.2

@@ -9,9 +9,11 @@ import scipy.signal
 from numpy.typing import NDArray
 
 from flapgym.control.agent import OBSERVATION_SCALES, Agent, Floats, OpenLoop, blade_entries
-from flapgym.core.arrays import BLADES, Array
+from flapgym.control.margins import DiskMargin
+from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.fields import Quantity
 from flapgym.core.multiblade import to_blades, to_components
+from flapgym.model.signals import PITCH_KINDS
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.turbine import Pitch
 
@@ -22,6 +24,8 @@ CROSSOVER = 0.3
 OBSERVED = ("rbm", "azimuth")
 OWN_STATE = 6
 """Of each of two components: two delays of the filter, and the integral."""
+FREQUENCIES = np.geomspace(1e-3, 2.0, 400)
+"""Of the fixed frame [Hz], at which the margin is looked for."""
 NOTCH_QUALITY = 1.0
 """Of the notch at the blade passing frequency: its centre over its width at -3 dB."""
 
@@ -206,13 +210,49 @@ def cyclic_gain(model: TurbineModel, actuator: Pitch) -> Array:
 
     Each blade's actuator meets a demand at the rotor's frequency, which it follows late.
     """
+    return np.asarray(cyclic_response(model, actuator, np.zeros(1))[0].real)
+
+
+def cyclic_response(model: TurbineModel, actuator: Pitch, frequency: Array) -> ComplexArray:
+    """The same at frequencies (F,) [Hz] of the fixed frame, (F, 2, 2)."""
     w, turn = 2.0 * np.pi * actuator.natural_frequency, model.rotor_speed
-    follows = w**2 / (w**2 - turn**2 + 2j * actuator.damping * w * turn)
-    # Of a blade at azimuth theta, cos theta and sin theta are the real part of these times exp(i theta).
-    demand = np.array([1.0, -1j]) * follows
-    motion = [demand, 1j * turn * demand, -(turn**2) * demand]
-    inputs = np.concatenate([[phasor.real, -phasor.imag] for phasor in motion])
-    kinds = ("angle", "rate", "acceleration")
-    names = [f"pitch_{kind}_{part}" for kind in kinds for part in "cs"]
-    response = model.turbine.select(names, ["rbm_c", "rbm_s"]).frequency_response(np.zeros(1))[0].real
-    return np.asarray(response @ inputs)
+    # Components x_c and x_s are to a blade x_c -+ i x_s at the frequency turned on and back by the rotor's.
+    apart = np.array([[1.0, -1.0j], [1.0, 1.0j]])
+    met = 2.0 * np.pi * frequency[:, None] + np.array([turn, -turn])
+    follows = w**2 / (w**2 - met**2 + 2j * actuator.damping * w * met)
+    together = np.linalg.inv(apart)
+    # Angle, rate and acceleration of each blade.
+    kinds = (np.ones_like(met), 1j * met, -(met**2))
+    inputs = np.concatenate(
+        [np.einsum("ab,fb,bc->fac", together, follows * kind, apart) for kind in kinds], axis=1
+    )
+    names = [f"pitch_{kind}_{part}" for kind in PITCH_KINDS for part in "cs"]
+    turbine = model.turbine.select(names, ["rbm_c", "rbm_s"]).frequency_response(frequency)
+    return np.asarray(turbine @ inputs)
+
+
+def pitch_margin(model: TurbineModel, agent: IndividualPitch) -> DiskMargin:
+    """Disk margin at the tilting and the yawing component of the measured moments together; the flaps at rest.
+
+    As `flapgym.control.margins.disk_margin`, over `FREQUENCIES`. The loop is stable if this is above zero and the
+    integral slow: no gain below one of the margin's can have been passed on the way from none.
+
+    Raises
+    ------
+    ValueError
+        If the model has no pitch as an input.
+    """
+    actuator = model.pitch_actuator
+    if actuator is None:
+        raise ValueError(f"pitch_margin: expected a model with pitch as an input, got {model.name}")
+    # An action is held, so what is asked is on average half of one late; the azimuth's lead makes up for the turn.
+    delay = np.exp(-2j * np.pi * FREQUENCIES * agent.interval)
+    _, notched = scipy.signal.freqz(*agent.notch, worN=FREQUENCIES, fs=1.0 / agent.interval)
+    held = np.sinc(FREQUENCIES * agent.interval) * np.exp(-1j * np.pi * FREQUENCIES * agent.interval)
+    integral = agent.interval / (1.0 - agent.leak * delay)
+    loop = cyclic_response(model, actuator, FREQUENCIES) @ agent.gain
+    loop = -loop * (notched * held * integral)[:, None, None]
+    sensitivity = np.linalg.inv(np.eye(2) + loop)
+    peaks = np.linalg.norm(2.0 * sensitivity - np.eye(2), 2, axis=(1, 2))
+    worst = int(np.argmax(peaks))
+    return DiskMargin(float(2.0 / peaks[worst]), float(FREQUENCIES[worst]))

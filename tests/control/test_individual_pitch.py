@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flapgym.control import OpenLoop, load_agent
-from flapgym.control.individual_pitch import cyclic_gain, individual_pitch_agent
+from flapgym.control.individual_pitch import (
+    CROSSOVER,
+    cyclic_gain,
+    individual_pitch_agent,
+    pitch_margin,
+)
 from flapgym.core.multiblade import to_blades, to_components
 from flapgym.evaluation.simulate import simulate, simulate_together
 from flapgym.model import load_model
@@ -82,3 +89,24 @@ def test_it_is_refused_where_pitch_stays(model):
 def test_a_model_without_pitch_is_refused():
     with pytest.raises(ValueError, match=r"^individual_pitch: expected a model with pitch as an input"):
         individual_pitch_agent("pitch", load_model("nrel5mw-corrected"), 0.3)
+
+
+def test_the_margin_vanishes_at_the_gain_at_which_the_simulated_loop_begins_to_grow(model):
+    agent = individual_pitch_agent("pitch", model, 0.3)
+    gains = np.linspace(4.0, 7.0, 13)
+    margins = [pitch_margin(model, replace(agent, gain=agent.gain * gain)).alpha for gain in gains]
+    least = gains[int(np.argmin(margins))]
+    assert min(margins) < 0.1
+    faint = {"turbulence_intensity": 1e-3}
+    for factor, grows in ((0.85, False), (1.2, True)):
+        steered = replace(agent, gain=agent.gain * least * factor)
+        pitch = np.abs(simulate(steered, model, [0], 120.0, pitch=True, wind=faint).pitch_angle[0])
+        assert (pitch[-4000:].max() > 3.0 * pitch[4000:8000].max()) == grows
+
+
+def test_what_goes_by_name_is_the_rule_of_the_model(model):
+    made = individual_pitch_agent("individual_pitch+lqg", model, CROSSOVER, load_agent("lqg", model))
+    named = load_agent("individual_pitch+lqg", model)
+    np.testing.assert_array_equal(named.gain, made.gain)
+    assert (named.name, named.beside.name, named.observe) == (made.name, "lqg", made.observe)
+    assert load_agent("individual_pitch", model).beside.name == "open_loop"

@@ -44,7 +44,7 @@ def equations_by_azimuth(parts: Parts) -> Callable[[float], Equations]:
 
     Inputs are those of `inputs_by_azimuth`, outputs `OUTPUTS`.
     """
-    light = periodic_equations(parts)
+    light, own = periodic_equations(parts), modal_blade_matrices(parts)
     support, shape = parts.support, parts.modal_support[1]
     inputs, modes = inputs_by_azimuth(parts), parts.lattice.modes
     of_support = slice(BLADES * modes, None)
@@ -60,7 +60,7 @@ def equations_by_azimuth(parts: Parts) -> Callable[[float], Equations]:
     top[:, of_support] = (support.tower_top @ shape)[:1]
 
     def at(azimuth: float) -> Equations:
-        known, of_blades = light(azimuth), _blade_loads(parts, azimuth)
+        known, of_blades = light(azimuth), _blade_loads(parts, own, azimuth)
         # What the blades pull at the support's foot, less what the inertia between resists with.
         base = _taken(_on_blades(parts, turns, azimuth).T, of_blades)
         base.acceleration[:, of_support] -= turns.T @ support.mass @ shape
@@ -102,10 +102,13 @@ class _Loads(Output):
     direct: Array
 
 
-def _blade_loads(parts: Parts, azimuth: float) -> _Loads:
-    """Loads (3 (m + 6)) on each blade's modes and hub, in its frame: air and weight less what motion resists with."""
+def _blade_loads(parts: Parts, own: tuple[Array, Array, Array], azimuth: float) -> _Loads:
+    """Loads (3 (m + 6)) on each blade's modes and hub, in its frame: air and weight less what motion resists with.
+
+    ``own`` are ``modal_blade_matrices``.
+    """
     inputs, modes = inputs_by_azimuth(parts), parts.lattice.modes
-    mass, damping, stiffness = modal_blade_matrices(parts)
+    mass, damping, stiffness = own
     hubs = _on_blades(parts, parts.modal_support[1], azimuth)
     T = np.hstack([_each(np.eye(modes + 6, modes)), hubs])
     # What stands turns backwards in a blade's frame.

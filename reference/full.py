@@ -50,7 +50,8 @@ def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -
 
     Notes
     -----
-    Cost: about 5 ms a step with 13 modes a blade on an idle core, mostly the wake's product; with winds by strip some 12.
+    Cost: about 5 ms a step with 13 modes a blade on an idle core, mostly the wake's product; some 12 ms with winds by
+    strip.
     """
     equations, dt = equations_by_azimuth(parts), parts.case.discretisation.time_step
     lattice, wake = parts.lattice, RotorWake(rotor)

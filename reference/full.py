@@ -6,25 +6,32 @@ all modes given are kept. Structure and lattice are solved together at each step
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from flapgym.aerodynamics import Aerodynamics, RotorWake
+from flapgym.aeroelastic.build import slow_wake
 from flapgym.aeroelastic.coupling import (
     Equations,
+    Instant,
     LatticeInput,
     explicit_part,
     implicit_part,
     instant,
     reading,
 )
-from flapgym.aeroelastic.equations import Parts, periodic_equations
+from flapgym.aeroelastic.equations import Parts
 from flapgym.core.arrays import BLADES, Array
-from flapgym.core.multiblade import on_rotor
+from flapgym.core.multiblade import on_rotor, to_blades
+from flapgym.model.signals import COMPONENTS, EACH_BLADE, grouped
 from flapgym.reduction import ReducedSystem
+from reference.by_azimuth import equations_by_azimuth, inputs_by_azimuth
 
 
 def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -> Array:
-    """Outputs (T, 8), ``PERIODIC_OUTPUTS``, for inputs u (T, 7), ``PERIODIC_INPUTS``, from rest.
+    """Outputs (T, 13), ``by_azimuth.OUTPUTS``, for inputs u (T, nu), ``inputs_by_azimuth``, from rest.
 
     Flap and gust act at once, and at the step they happen (the case's ``gust`` and ``input_delay`` do not enter).
 
@@ -34,16 +41,18 @@ def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -
         Structure in the modes to keep, and one blade's lattice in them.
     rotor : Aerodynamics
         The lattice of all blades the parts were made with.
-    u : (T, 7) float
-        Flap angles [rad] and rates [rad/s] of the blades, homogeneous wind [m/s].
+    u : (T, nu) float
+        Flap angles [rad] and rates [rad/s] of the blades, homogeneous wind [m/s]; where the case has them, the wind in
+        each strip of each blade, and gravity [m/s^2].
     azimuth : float
         Of blade 1 at the first step [rad].
 
     Notes
     -----
-    Cost: about 5 ms a step with 13 modes a blade on an idle core, mostly the wake's product.
+    Cost: about 5 ms a step with 13 modes a blade on an idle core, mostly the wake's product; some 12 ms with winds by
+    strip.
     """
-    equations, dt = periodic_equations(parts), parts.case.discretisation.time_step
+    equations, dt = equations_by_azimuth(parts), parts.case.discretisation.time_step
     lattice, wake = parts.lattice, RotorWake(rotor)
     each = np.eye(BLADES)
     # The lattice speaks in components on the rotor, the march in blades.
@@ -74,7 +83,7 @@ def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -
     past = [np.zeros(wake.per_downwash.shape[0]) for _ in loads[1:]]
     x = np.zeros(2 * equations(0.0).structure.mass.shape[0])
     y = np.empty((len(u), len(equations(0.0).outputs)))
-    here, before = at(0), None
+    before: tuple[Instant, Array] | None = None
     for n, now in enumerate(u):
         free = wake.from_wake()
         known = loads[0] @ free + sum(load @ gamma for load, gamma in zip(loads[1:], past, strict=True))
@@ -84,9 +93,9 @@ def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -
         there = at(n)
         after = instant(there, memoryless)
         if before is not None:
-            right, start = explicit_part(instant(here, memoryless), dt)
+            right, start = explicit_part(before[0], dt)
             left, end = implicit_part(after, dt)
-            x = np.linalg.solve(left, right @ x + start @ before + end @ e)
+            x = np.linalg.solve(left, right @ x + start @ before[1] + end @ e)
         C, D = reading(there.output, after)
         y[n] = C @ x + D @ e
         asks = there.lattice_input
@@ -94,13 +103,15 @@ def march_turbine(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -
         gamma = free + wake.per_downwash @ (downwash @ s[:inputs])
         wake.advance(gamma)
         past = [gamma, *past[:-1]]
-        here, before = there, e
+        before = after, e
     return y
 
 
 def _with_known_load(equations: Equations, count: int) -> Equations:
     """The same equations with `count` loads of the lattice as further inputs."""
-    asks = equations.lattice_input
+    asks, output, forcing = equations.lattice_input, equations.output, equations.forcing
+    assert output.direct is not None
+    assert forcing is not None
     inputs = asks.exogenous.shape[1]
     none = np.zeros((count, asks.position.shape[1]))
     return Equations(
@@ -115,7 +126,34 @@ def _with_known_load(equations: Equations, count: int) -> Equations:
                 ]
             ),
         ),
-        equations.output,
+        replace(output, direct=np.hstack([output.direct, np.zeros((len(output.direct), count))])),
         equations.inputs,
         equations.outputs,
+        np.hstack([forcing, np.zeros((len(forcing), count))]),
     )
+
+
+def march_model_inputs(parts: Parts, rotor: Aerodynamics, u: Array, azimuth: float) -> Array:
+    """Outputs (T, 13), ``by_azimuth.OUTPUTS``, for the inputs u (T, nu) of the turbine's model, ``Parts.inputs``.
+
+    The states of a moving wake stand before the lattice, marched or reduced, as they do in the model. Pitch is left
+    out.
+    """
+    theta = azimuth + parts.case.rotor_speed * rotor.time_step * np.arange(len(u), dtype=np.float64)
+    felt = told_by_blade(parts.inputs, slow_wake(parts).simulate(u), theta)
+    return march_turbine(
+        parts, rotor, np.stack([felt[name] for name in inputs_by_azimuth(parts)], axis=1), azimuth
+    )
+
+
+def told_by_blade(names: Sequence[str], signals: Array, azimuth: Array) -> dict[str, Array]:
+    """Signals (T, n) in multi-blade components blade by blade, each (T,) by name, at azimuths (T,) [rad]."""
+    told: dict[str, Array] = {}
+    for base, of_blades in grouped(names):
+        if of_blades:
+            first = names.index(f"{base}_{COMPONENTS[0]}")
+            each = to_blades(signals[:, first : first + BLADES], azimuth)
+            told |= {f"{base}_{number}": each[:, b] for b, number in enumerate(EACH_BLADE)}
+        else:
+            told[base] = signals[:, names.index(base)]
+    return told

@@ -29,6 +29,7 @@ PROGRAMS = {
     "benchmarks.nonlinear": [],
     "benchmarks.predictive_solvers": [],
     "benchmarks.reduction": [],
+    "benchmarks.site": [],
     "benchmarks.turbine": ["full"],
     "benchmarks.variants": ["docs"],
     "benchmarks.conventions": ["docs"],

@@ -93,7 +93,7 @@ def test_a_model_without_pitch_is_refused():
 
 def test_the_margin_vanishes_at_the_gain_at_which_the_simulated_loop_begins_to_grow(model):
     agent = individual_pitch_agent("pitch", model, 0.3)
-    gains = np.linspace(4.0, 7.0, 13)
+    gains = np.linspace(4.0, 7.0, 31)
     margins = [pitch_margin(model, replace(agent, gain=agent.gain * gain)).alpha for gain in gains]
     least = gains[int(np.argmin(margins))]
     assert min(margins) < 0.1

@@ -413,7 +413,7 @@ def _steady_response(wanted: _Wanted, surroundings: Surroundings) -> Steady:
         part, azimuth, inputs @ part.right[:, n:].T
     )
     series = steady_motion(turbine, part, model.rotor_speed * model.time_step, push[:, :n])
-    motion = _summed(series, azimuth)
+    motion = _summed(series)
     outputs = (
         push[:, n:] + motion @ turbine.C.T + _turning(part, azimuth, motion @ part.right[:, :n].T)[:, n:]
     )
@@ -448,9 +448,10 @@ def _turning(part: PeriodicPart, azimuth: Array, reached: Array) -> Array:
     return np.einsum("ars,as->ar", part.core_at(azimuth), reached) @ part.left.T
 
 
-def _summed(series: NDArray[np.complex128], azimuth: Array) -> Array:
-    """States (T, n) at azimuths (T,) from their harmonics (k, n)."""
-    return np.asarray((np.exp(1j * azimuth[:, None] * np.arange(len(series))) @ series).real)
+def _summed(series: NDArray[np.complex128]) -> Array:
+    """States (2 k, n) around the revolution, from their harmonics (k, n)."""
+    halved = np.concatenate([series[:1], 0.5 * series[1:]])
+    return np.fft.irfft(halved, 2 * len(series), axis=0, norm="forward")
 
 
 def steady_motion(
@@ -489,7 +490,7 @@ def steady_motion(
         series = np.fft.rfft(push, axis=0)[:harmonics] / len(force)
         series[1:] *= 2.0
         answer = (resolvent * (series @ to_modes)) @ vectors.T
-        before, motion = motion, _summed(answer, azimuth)
+        before, motion = motion, _summed(answer)
         change = np.abs(motion - before).max()
         if change <= _ENOUGH * np.abs(motion).max():
             return answer

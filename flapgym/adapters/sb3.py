@@ -58,6 +58,10 @@ class FlapVecEnv(VecEnv):
         assert isinstance(space, spaces.Box)
         if per_blade and base.settings.single_blade:
             raise ValueError("per_blade: expected False, each environment is one blade already")
+        if per_blade and base.settings.pitch:
+            raise ValueError(
+                "per_blade: expected False with pitch=True, which takes an action of each blade more"
+            )
         if per_blade:
             self._own = own_columns(base.observed)
             bound = space.high[self._own[0]]

@@ -76,9 +76,8 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
         raise ValueError(
             f"signals.outputs: expected none with unequal blades, got {', '.join(case.signals.outputs)}; leave them out"
         )
-    if case.blades.unequal and case.signals.further_inputs:
-        name = case.signals.further_inputs[0]
-        raise ValueError(f"{name}: expected false with unequal blades, got true; leave it out")
+    if case.blades.unequal and case.signals.pitch:
+        raise ValueError("signals.pitch: expected false with unequal blades, got true; leave it out")
     if case.reduction.coupled_tolerance and case.signals.further_inputs:
         raise ValueError(
             f"reduction.coupled_tolerance: expected 0 % with {case.signals.further_inputs[0]}, which no spectrum "

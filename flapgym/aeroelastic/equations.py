@@ -298,9 +298,8 @@ def acting_on(parts: Parts, load: BladeLoad) -> Array:
     m = parts.lattice.modes
     out = np.zeros((3 * len(load.mass), len(parts.inputs)))
     if parts.case.signals.gravity:
-        down = parts.support.shaft_axes.T @ np.array([0.0, 0.0, -1.0])
-        fall = (
-            hub_components()[:, :3, :3] @ down
+        fall = hub_components()[:, :3, :3] @ downwards(
+            parts.support
         )  # the shaft's own frame stands, blades turn under the weight
         out[:, parts.inputs.index(GRAVITY)] = (fall @ load.mass[:, m : m + 3].T).ravel()
     if parts.case.signals.pitch:
@@ -313,6 +312,11 @@ def acting_on(parts: Parts, load: BladeLoad) -> Array:
         ):
             out[:, parts.pitch_columns(kind)] = np.kron(np.eye(3), column[:, None])
     return out
+
+
+def downwards(support: LinearSupport) -> Array:
+    """Direction (3,) in which gravity pulls, in the shaft's axes."""
+    return np.asarray(support.shaft_axes.T @ np.array([0.0, 0.0, -1.0]))
 
 
 def support_forcing(parts: Parts, shape: Array) -> Array:
@@ -422,6 +426,7 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
         return asked(lambda own: flap_effectiveness(own) * own.lattice.select(name))
 
     modes = mean.lattice.modes
+    weight = downwards(mean.support), support_shape.T @ mean.support.weight
     return PeriodicEquations(
         blades=tuple(modal_blade_matrices(own) for own in blades),
         support=support,
@@ -434,6 +439,7 @@ def blade_by_blade(mean: Parts, blades: Sequence[Parts], lattice: Sequence[int])
         flap_rate=flaps("flap_rate"),
         gust=asked(lambda own: own.lattice.select("gust")),
         by_strip=mean.strips > 0,
+        weight=weight if mean.case.signals.gravity else None,
         root=np.stack([root_moment(own.blade, modes)[0] for own in blades]),
         tip=np.stack([tip_deflection(own.case, own.shape)[0] for own in blades]),
         rotor_speed=mean.case.rotor_speed,

@@ -27,7 +27,7 @@ from flapgym.aeroelastic.coupling import (
 )
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.multiblade import blade_azimuths, derivative_coupling, hub_components, on_rotor
-from flapgym.model.signals import EACH_BLADE, turbine_inputs, turbine_outputs
+from flapgym.model.signals import EACH_BLADE, GRAVITY, turbine_inputs, turbine_outputs
 from flapgym.reduction import ReducedSystem
 
 IMBALANCE = "imbalance"
@@ -106,6 +106,9 @@ class PeriodicEquations:
         [rad/s].
     by_strip : bool
         Whether the wind in each strip of each blade is an input, too.
+    weight : ((3,), (t,) float), optional
+        Where gravity is an input: the direction in which it pulls, in the shaft's axes, and its generalised force on
+        the support's modes per unit.
     steady : (3, 6) float, optional
         Steady force and moment of each blade on the hub, in its frame: what of it turns with unequal blades is a
         further input, ``IMBALANCE``, held at one.
@@ -125,6 +128,7 @@ class PeriodicEquations:
     tip: Array
     rotor_speed: float
     by_strip: bool = False
+    weight: tuple[Array, Array] | None = None
     steady: Array | None = None
 
     @property
@@ -136,7 +140,9 @@ class PeriodicEquations:
     def inputs(self) -> tuple[str, ...]:
         """Names of the inputs."""
         strips = self.gust.shape[2] if self.by_strip else 0
-        own = turbine_inputs(self.flap_angle.shape[2], strips, parts=EACH_BLADE)
+        own = turbine_inputs(
+            self.flap_angle.shape[2], strips, parts=EACH_BLADE, gravity=self.weight is not None
+        )
         return own if self.steady is None else (*own, IMBALANCE)
 
     def __call__(self, azimuth: float) -> Equations:
@@ -154,13 +160,21 @@ class PeriodicEquations:
         homogeneous = self.gust.sum(axis=2).reshape(-1, 1)
         strips = _blade_by_blade(self.gust) if self.by_strip else []
         flaps = _blade_by_blade(self.flap_angle) + _blade_by_blade(self.flap_rate)
-        exogenous = gather @ np.hstack([*flaps, homogeneous, *strips])
-        forcing = None
-        if self.steady is not None:
-            exogenous = np.hstack([exogenous, np.zeros((len(exogenous), 1))])
-            forcing = np.zeros((nd, len(self.inputs)))
-            forcing[nd - t :, -1] = self._imbalance(azimuth)
+        felt = gather @ np.hstack([*flaps, homogeneous, *strips])
+        exogenous = np.zeros((len(felt), len(self.inputs)))
+        exogenous[:, : felt.shape[1]] = felt
         root = scipy.linalg.block_diag(*(row[None] for row in self.root))
+        forcing, direct = (
+            np.zeros((nd, len(self.inputs))),
+            np.zeros((len(PERIODIC_OUTPUTS), len(self.inputs))),
+        )
+        if self.weight is not None:
+            place, load = self.inputs.index(GRAVITY), self._weights(azimuth)
+            forcing[:, place] = T.T @ load
+            forcing[nd - t :, place] += self.weight[1]
+            direct[:BLADES, place] = root @ load
+        if self.steady is not None:
+            forcing[nd - t :, -1] = self._imbalance(azimuth)
         quiet = np.zeros((BLADES + 2, nd))
         return Equations(
             SecondOrder(
@@ -182,10 +196,26 @@ class PeriodicEquations:
                     ]
                 ),
                 load=np.vstack([root @ spread, np.zeros((BLADES + 2, spread.shape[1]))]),
+                direct=direct,
             ),
             self.inputs,
             PERIODIC_OUTPUTS,
             forcing,
+        )
+
+    def _weights(self, azimuth: float) -> Array:
+        """Load of gravity on the modes and hub of each blade, one after another, per unit: `acting_on` of equal blades.
+
+        A blade's weight is its inertia as its hub falls, so a heavier blade brings a weight of its own.
+        """
+        assert self.weight is not None
+        axial, cosine, sine = hub_components()[:, :3, :3]
+        moved = slice(self.modes, self.modes + 3)
+        return np.concatenate(
+            [
+                mass[:, moved] @ (axial + np.cos(angle) * cosine + np.sin(angle) * sine) @ self.weight[0]
+                for angle, (mass, _, _) in zip(blade_azimuths(azimuth), self.blades, strict=True)
+            ]
         )
 
     def _imbalance(self, azimuth: float) -> Array:

@@ -6,7 +6,8 @@ of one pitch share shapes and lattice, those of the mean mass and stiffness; a b
 that is turned, bent and mapped to its beam by itself. How circulations act on each other, and which way their forces
 point, is taken from the lattice of the mean blade, which keeps the rotor's cyclic symmetry. The blades' steady loads
 on the hub no longer balance: what turns with the rotor shakes the tower once a revolution. Steady differences between
-the blades and the change of that turning load with the hub's attitude are left out, as gravity is.
+the blades and the change of that turning load with the hub's attitude are left out. Gravity, where it is an input,
+pulls at each blade's own masses, at their places in that blade's own steady state.
 """
 
 from __future__ import annotations

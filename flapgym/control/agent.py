@@ -100,6 +100,15 @@ def check_fit(agent: Agent, model: TurbineModel) -> None:
         check_flaps(agent.name, flaps, model)
 
 
+def check_pitch(agent: Agent, moves: bool) -> None:
+    """Refuse an agent that pitches the blades where their pitch stays."""
+    if getattr(agent, "pitches", False) and not moves:
+        raise ValueError(
+            f"agent {agent.name}: moves the blades' pitch; take an environment with pitch=True, such as "
+            "flapgym/NREL5MWPitch-v0"
+        )
+
+
 def check_flaps(name: str, flaps: int, model: TurbineModel) -> None:
     """Refuse an agent, by its name, that was made for another number of flaps a blade than the model's."""
     expected = len(model.flaps)

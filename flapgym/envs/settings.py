@@ -247,7 +247,7 @@ class Settings:
         diameter = None if plate.rotor_radius is None else 2.0 * plate.rotor_radius
         wind: Array
         if isinstance(gust, DiskGust) and model.strips and len(plate.strip_radii) == model.strips:
-            self._require_turning(gust, model)
+            self._require_turning(gust)
             wind = self.wind.given_by_strip(
                 time, model.wind_speed, plate.strip_radii, diameter, plate.hub_height
             ).reshape(len(time), -1)
@@ -255,16 +255,12 @@ class Settings:
         wind = self.wind.given(time, model.wind_speed, diameter, plate.hub_height)
         return GivenWind(wind[1:], float(wind[0]))
 
-    def _require_turning(self, gust: Gust, model: TurbineModel) -> None:
-        """Refuse a gust that differs over the disk where the winds by strip do not turn, or the blades differ."""
+    def _require_turning(self, gust: Gust) -> None:
+        """Refuse a gust that differs over the disk where the winds by strip do not turn."""
         if self.single_blade:
             raise ValueError(
                 f"gust.kind: expected a gust that is the same over the disk with single_blade=True, which does not "
                 f"turn, got {gust.kind}"
-            )
-        if model.periodic is not None:
-            raise ValueError(
-                f"gust.kind: expected a model of equal blades under {gust.kind}, got {model.name}; take nrel5mw-site"
             )
 
     def intervals(self, time_step: float) -> int:

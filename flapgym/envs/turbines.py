@@ -185,7 +185,6 @@ class Turbines:
         origin, around = self._origins[turbine], self.stepping.surroundings
         if origin is None or around.field is None:
             return None
-        assert isinstance(self.plant, LinearPlant)
         start, _ = self._start(np.array([turbine]), [generator_of(fresh(origin["generator"]))], [origin])
         field = self.plant.field(start)
         steady = np.zeros((len(field.radii), AZIMUTHS))
@@ -273,10 +272,9 @@ class Turbines:
         return told
 
     def steady(self, azimuth: Array) -> dict[str, Array]:
-        """What steady inflow and gravity do to the outputs computed, see `LinearPlant.steady`; empty without them."""
+        """What steady inflow and gravity do to the outputs computed, see `Plant.steady`; empty without them."""
         if not self.stepping.surroundings.steady:
             return {}
-        assert isinstance(self.plant, LinearPlant)
         return self.plant.steady(azimuth)
 
     def get_state(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control import Agent, OpenLoop
-from flapgym.control.agent import check_fit
+from flapgym.control.agent import check_fit, check_pitch
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Count, Numbers, Quantity
 from flapgym.core.wording import shown
@@ -72,11 +72,7 @@ def simulate_together(
     Quantity("time", above=0.0).check(duration, "simulate.duration")
     for agent in agents:
         check_fit(agent, model)
-        if getattr(agent, "pitches", False) and not settings.get("pitch"):
-            raise ValueError(
-                f"agent {agent.name}: moves the blades' pitch; take an environment with pitch=True, such as "
-                "flapgym/NREL5MWPitch-v0"
-            )
+        check_pitch(agent, bool(settings.get("pitch")))
     records: dict[int, Record] = {}
     # Flaps at rest are the same at any interval: they go along with whoever holds actions longest.
     others = [agent.steps_per_action for agent in agents if type(agent) is not OpenLoop]

@@ -19,6 +19,8 @@ from flapgym.plant.periodic import PeriodicPlant
 from flapgym.plant.quantities import Quantities
 from flapgym.plant.start import GivenWind, Start
 from flapgym.plant.surroundings import Surroundings
+from flapgym.wind.blade_field import FieldOnDisk
+from flapgym.wind.box_field import BoxOnDisk
 
 __all__ = [
     "BACKENDS",
@@ -80,6 +82,14 @@ class Plant(Protocol):
 
     def step(self, actions: FloatArray) -> Loads:
         """Hold actions (n, blades A), finite fractions of what they command, for k plant steps."""
+        ...
+
+    def field(self, start: Start) -> FieldOnDisk | BoxOnDisk:
+        """The wind over the disk while the one turbine of a start goes through its episode; ValueError without one."""
+        ...
+
+    def steady(self, azimuth: Array) -> dict[str, Array]:
+        """What steady inflow and gravity do to the outputs at azimuths of blade 1 (n,) [rad]; ValueError without."""
         ...
 
     def flap_motion(self) -> tuple[Array, Array]:

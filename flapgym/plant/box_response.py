@@ -10,6 +10,7 @@ from flapgym.core.arrays import Array
 from flapgym.plant.frame import OutputRows
 from flapgym.plant.lifted import Lifted, lift
 from flapgym.plant.modal import Modal
+from flapgym.plant.start import Blowing
 from flapgym.wind.box_field import TRIES, BoxField, BoxOnDisk, BoxWind
 
 RUN_IN = 20.0
@@ -107,26 +108,44 @@ class BoxResponse:
         rows : (intervals, rows.count) float
             Rows of every interval.
         """
-        span, blocks, wind = self._span, self._blocks(intervals), self._wind(noise, intervals)
-        since = np.arange(wind.steps, dtype=np.float64) - self._run_in
-        strips = wind.components(azimuth + self.turn * since).reshape(len(since), -1)
-        # Whole blocks before the episode.
-        run_in = self._run_in // span
-        begin = self._run_in - run_in * span
-        strips = strips[begin : begin + (run_in + blocks) * span + 1]
-        average = wind.rotor_average()
-        # Windows of one block each; the last sample of one is the first of the next.
-        windows = np.lib.stride_tricks.sliding_window_view(strips, span + 1, axis=0)[::span]
-        windows = windows.transpose(0, 2, 1).reshape(run_in + blocks, -1)
-        inputs = strips.shape[1]
-        pushes = (windows[:, : span * inputs] @ self.block.drive).view(complex)
-        equilibrium = self.modal.drive @ strips[0] / (1.0 - self.modal.values)
-        states = self.block.march(equilibrium, pushes)[run_in:]
-        first = (self.modal.read @ states[0].view(complex)).real + self.modal.D @ strips[run_in * span]
-        rows = states @ self.block.read + windows[run_in:] @ self.block.feed
+        strips, average = self._passing(noise, intervals, azimuth)
+        run_in = self._whole_run_in
+        windows, states = self._marched(strips)
+        windows, states = windows[run_in:], states[run_in:]
+        first = (self.modal.read @ states[0].view(complex)).real + self.modal.D @ strips[run_in * self._span]
+        rows = states @ self.block.read + windows @ self.block.feed
         rows = rows.reshape(-1, self.rows.count)[:intervals]
         # The wind has no modes: its rows, at the samples kept, are what they are.
-        after = average[self._run_in + 1 :][: intervals * self.rows.steps].reshape(intervals, -1)
+        after = average[1:][: intervals * self.rows.steps].reshape(intervals, -1)
         rows[:, self.rows.structural :] = after[:, self.rows.steps - self.rows.kept :]
-        first[-1] = average[self._run_in]
+        first[-1] = average[0]
         return first, rows
+
+    def blowing(self, noise: Array, intervals: int, azimuth: float) -> Blowing:
+        """The box itself as it passes, and the turbine's motion after the run-in; given as to `respond`."""
+        strips, average = self._passing(noise, intervals, azimuth)
+        begin, samples = self._whole_run_in * self._span, intervals * self.rows.steps + 1
+        _, states = self._marched(strips[: begin + self._span + 1])
+        return Blowing(states[-1].view(complex), strips[begin : begin + samples], average[:samples])
+
+    @property
+    def _whole_run_in(self) -> int:
+        """Whole blocks before the episode."""
+        return self._run_in // self._span
+
+    def _passing(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
+        """Winds by strip (., 3 R) from whole blocks before the episode on, and the disk's mean from its start."""
+        wind = self._wind(noise, intervals)
+        since = np.arange(wind.steps, dtype=np.float64) - self._run_in
+        strips = wind.components(azimuth + self.turn * since).reshape(len(since), -1)
+        begin = self._run_in - self._whole_run_in * self._span
+        return strips[begin:], wind.rotor_average()[self._run_in :]
+
+    def _marched(self, strips: Array) -> tuple[Array, Array]:
+        """Windows (blocks, .) of one block each of winds by strip, and modes (blocks, 2 M) at the blocks' starts."""
+        # The last sample of a window is the first of the next.
+        windows = np.lib.stride_tricks.sliding_window_view(strips, self._span + 1, axis=0)[:: self._span]
+        windows = windows.transpose(0, 2, 1).reshape(len(windows), -1)
+        pushes = (windows[:, : self._span * strips.shape[1]] @ self.block.drive).view(complex)
+        equilibrium = self.modal.drive @ strips[0] / (1.0 - self.modal.values)
+        return windows, self.block.march(equilibrium, pushes)

@@ -19,6 +19,7 @@ from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.fields import Quantity
 from flapgym.plant.frame import OutputRows
 from flapgym.plant.modal import Modal
+from flapgym.plant.start import Blowing
 from flapgym.wind.blade_field import PARTS, BladeTurbulence, FieldOnDisk, blade_turbulence, field_on_disk
 from flapgym.wind.disk import annulus_weights
 from flapgym.wind.field import SCALES_APART, interpolation_weights, time_scale
@@ -111,6 +112,20 @@ class FieldResponse:
         flat = outputs[1:].reshape(intervals, -1)
         return outputs[0], flat @ self.rows.matrix(self.turn).T
 
+    def blowing(self, noise: Array, intervals: int, azimuth: float) -> Blowing:
+        """The field itself, and the turbine's stationary motion in it at sample 0; given as to `respond`."""
+        prepared, modal = self.prepared(intervals), self.modal
+        waves = prepared.turbulence.waves(noise) * self.field.deviation(self.wind_speed)
+        waves = waves.reshape(len(waves), -1)
+        ahead = np.exp(2j * np.pi * prepared.turbulence.frequencies * modal.time_step)[:, None]
+        # The wind is the real part of its waves, half of each and half of its conjugate: a mode, complex, hears both.
+        push, back = waves @ modal.drive.T, waves.conj() @ modal.drive.T
+        modes = 0.5 * (push / (ahead - modal.values) + back / (ahead.conj() - modal.values)).sum(axis=0)
+        waves[1:] *= 0.5
+        spectrum = np.vstack([waves.T, prepared.of_average(noise)])
+        winds = prepared.sampled(spectrum, intervals * self.rows.steps + 1)
+        return Blowing(modes, winds[:, :-1], winds[:, -1])
+
 
 @dataclass(frozen=True, eq=False)
 class Synthesis:
@@ -138,7 +153,16 @@ class Synthesis:
     def outputs(self, noise: Array, steps: int) -> Array:
         """Outputs and wind (steps, ny + 1) from time zero on."""
         waves = self.turbulence.parts(noise).reshape(len(self.response), -1, 1)
-        spectrum = np.ascontiguousarray((self.response @ waves)[..., 0].T)
+        return self.sampled(np.ascontiguousarray((self.response @ waves)[..., 0].T), steps)
+
+    def of_average(self, noise: Array) -> ComplexArray:
+        """Waves (F,) of the mean over the disk, halved but for the zeroth."""
+        return np.einsum(
+            "fp,fp->f", self.response[:, -1], self.turbulence.parts(noise).reshape(len(self.response), -1)
+        )
+
+    def sampled(self, spectrum: ComplexArray, steps: int) -> Array:
+        """Steps (steps, k) from time zero on of what has waves (k, F), halved but for the zeroth."""
         samples = irfft(spectrum, self.points, axis=1, norm="forward")
         blocks = -(-steps // self.coarse)
         # The first weight belongs to a sample before time zero; the series is periodic.

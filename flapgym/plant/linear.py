@@ -10,10 +10,9 @@ import numpy as np
 from flapgym.core.arrays import BLADES, Array, FloatArray, IntArray
 from flapgym.core.multiblade import to_blades, to_components
 from flapgym.model.turbine_model import TurbineModel
-from flapgym.plant.disturbance import Disturbance
 from flapgym.plant.fingerprint import plant_fingerprint
 from flapgym.plant.parameters import Episode, Loads, Parameters, State, Stepping, parameters_of, prepare
-from flapgym.plant.responses import Responses, realisation_noise
+from flapgym.plant.responses import Responses, field_over_disk
 from flapgym.plant.start import Start
 from flapgym.plant.stuck import stuck_modes
 from flapgym.plant.telling import tell
@@ -127,15 +126,7 @@ class LinearPlant:
         ValueError
             If there is no field around this plant.
         """
-        response = self._kernel.disturbance
-        if isinstance(response, Disturbance):
-            raise ValueError("field: expected a field around the plant, there is none")
-        if start.noise is not None:
-            (noise,) = start.noise
-        else:
-            assert start.realisation is not None
-            noise = realisation_noise(int(start.realisation[0]), self.noise_count)
-        return response.on_disk(noise, self.stepping.intervals)
+        return field_over_disk(self._kernel.disturbance, start, self.stepping.intervals)
 
     def steady(self, azimuth: Array) -> dict[str, Array]:
         """What steady inflow and gravity do to the outputs at azimuths of blade 1 (n,) [rad], about its mean.

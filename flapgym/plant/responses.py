@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.core.arrays import Array, FloatArray, IntArray
-from flapgym.plant.disturbance import wind_response
+from flapgym.plant.box_response import BoxResponse
+from flapgym.plant.disturbance import Disturbance, wind_response
+from flapgym.plant.field_response import FieldResponse
 from flapgym.plant.parameters import Kernel, Stepping
 from flapgym.plant.start import GivenWind, Start
+from flapgym.wind.blade_field import FieldOnDisk
+from flapgym.wind.box_field import BoxOnDisk
 
 
 class Pool:
@@ -66,6 +70,26 @@ def strongest_wind(kernel: Kernel, first: Array, rows: FloatArray) -> float:
 def realisation_noise(seed: int, count: int) -> Array:
     """Standard normal numbers that make the realisation of a seed."""
     return np.random.default_rng(seed).standard_normal(count)
+
+
+def field_over_disk(
+    response: Disturbance | FieldResponse | BoxResponse, start: Start, intervals: int
+) -> FieldOnDisk | BoxOnDisk:
+    """The wind over the disk while the one turbine of a start goes through its episode, for a picture.
+
+    Raises
+    ------
+    ValueError
+        If there is no field around the plant.
+    """
+    if isinstance(response, Disturbance):
+        raise ValueError("field: expected a field around the plant, there is none")
+    if start.noise is not None:
+        (noise,) = start.noise
+    else:
+        assert start.realisation is not None
+        noise = realisation_noise(int(start.realisation[0]), response.noise_count(intervals))
+    return response.on_disk(noise, intervals)
 
 
 def realisation_azimuth(seed: IntArray | int) -> Array:

@@ -81,8 +81,6 @@ def require_inputs(model: TurbineModel, field: bool, inflow: bool, gravity: bool
                 f"{name}: expected a model with {what}, such as nrel5mw-site, got {model.name}; "
                 "see [signals] in the case file"
             )
-        if model.periodic is not None:
-            raise ValueError(f"{name}: expected a model of equal blades, got {model.name}")
         if name != "gravity" and nameplate(model.case).disk is None:
             raise ValueError(f"{name}: expected a model whose case tells rotor and tower, got {model.name}")
 
@@ -96,19 +94,22 @@ class Steady:
     outputs : tuple of str
         Of the turbine, ny, the blades' in multi-blade coordinates.
     harmonics : (N + 1, ny + 1) complex
-        Outputs in multi-blade coordinates, and the wind, are the real part of their sum times exp(3 i n azimuth).
+        Outputs in multi-blade coordinates, and the wind, are the real part of their sum times exp(i n `every` azimuth).
     mean : (ny + 1,) float
-        What is left out: of each blade in `_0`, of the fixed outputs.
+        What is left out: of the blades as components at azimuth zero, of the fixed outputs.
+    every : int
+        Of the rotor's harmonics, which there are: every third of equal blades, all of unequal ones.
     """
 
     outputs: tuple[str, ...]
     harmonics: ComplexArray
     mean: Array
+    every: int = BLADES
 
     def at(self, azimuth: Array) -> Array:
         """Outputs and wind (T, ny + 1) at azimuths (T,) [rad]."""
-        # Powers of exp(3 i azimuth): an exponential costs ten times a product.
-        turns = np.vander(np.exp(1j * BLADES * azimuth), len(self.harmonics), increasing=True)
+        # Powers of one exponential: another exponential costs ten times a product.
+        turns = np.vander(np.exp(1j * self.every * azimuth), len(self.harmonics), increasing=True)
         return np.asarray((turns @ self.harmonics).real)
 
     def told(self, azimuth: Array) -> dict[str, Array]:
@@ -130,7 +131,23 @@ def steady_response(model: TurbineModel, surroundings: Surroundings, outputs: tu
     outputs : tuple of str
         Of the turbine; the wind is told behind them, and is zero.
     """
-    turbine = model.turbine
+    forced = steady_inputs(model, surroundings)
+    count = max(len(forcing) for _, forcing in forced)
+    frequency = BLADES * np.arange(count) * model.rotor_speed / (2.0 * np.pi)
+    harmonics = np.zeros((count, len(outputs) + 1), dtype=complex)
+    for inputs, forcing in forced:
+        part = model.turbine.select(inputs=inputs, outputs=list(outputs))
+        response = part.frequency_response(frequency[: len(forcing)])
+        harmonics[: len(forcing), :-1] += np.einsum("nyu,nu->ny", response, forcing)
+    constant = [i for i, name in enumerate(outputs) if not name.endswith(("_c", "_s"))]
+    mean = np.zeros(len(outputs) + 1)
+    mean[constant] = harmonics[0, constant].real
+    harmonics[0, constant] = 0.0
+    return Steady(outputs, harmonics, mean)
+
+
+def steady_inputs(model: TurbineModel, surroundings: Surroundings) -> list[tuple[list[str], ComplexArray]]:
+    """What is steady: inputs of the turbine, and their harmonics (N, nu) of three times the rotor's speed."""
     forced: list[tuple[list[str], ComplexArray]] = []
     if surroundings.inflow is not None:
         disk = nameplate(model.case).disk
@@ -139,18 +156,7 @@ def steady_response(model: TurbineModel, surroundings: Surroundings, outputs: tu
         forced.append((list(strip_inputs(model.strips)), found.reshape(len(found), -1)))
     if surroundings.gravity:
         forced.append((["gravity"], np.full((1, 1), STANDARD_GRAVITY, dtype=complex)))
-    count = max(len(forcing) for _, forcing in forced)
-    frequency = BLADES * np.arange(count) * model.rotor_speed / (2.0 * np.pi)
-    harmonics = np.zeros((count, len(outputs) + 1), dtype=complex)
-    for inputs, forcing in forced:
-        part = turbine.select(inputs=inputs, outputs=list(outputs))
-        response = part.frequency_response(frequency[: len(forcing)])
-        harmonics[: len(forcing), :-1] += np.einsum("nyu,nu->ny", response, forcing)
-    constant = [i for i, name in enumerate(outputs) if not name.endswith(("_c", "_s"))]
-    mean = np.zeros(len(outputs) + 1)
-    mean[constant] = harmonics[0, constant].real
-    harmonics[0, constant] = 0.0
-    return Steady(outputs, harmonics, mean)
+    return forced
 
 
 def strip_radii(model: TurbineModel) -> Array:

@@ -319,7 +319,7 @@ class Signals:
 
     @property
     def further_inputs(self) -> tuple[str, ...]:
-        """Names of the settings that ask for inputs no spectrum and no unequal blade is prepared for."""
+        """Names of the settings that ask for inputs which no spectrum weighs."""
         return tuple(f"signals.{name}" for name in ("pitch", "gravity") if getattr(self, name))
 
     @property

@@ -20,7 +20,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.control import load_agent
-from flapgym.control.agent import Agent, Floats, blade_entries, check_fit
+from flapgym.control.agent import Agent, Floats, blade_entries, check_fit, check_pitch
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import is_number
 from flapgym.core.wording import shown
@@ -41,7 +41,8 @@ class TargetAngle(
     """The action is the flaps' target angles, -1 to 1 of the angle stop, instead of their accelerations.
 
     An inner loop (`flapgym.wrappers.servo`) finds the acceleration from the true angle and rate: as fast as
-    acceleration and rate limits allow, without overshoot; slower where the actuator lags behind its command.
+    acceleration and rate limits allow, without overshoot; slower where the actuator lags behind its command. Pitch,
+    where it moves, is demanded as an angle already, and passes as it is.
 
     Parameters
     ----------
@@ -53,10 +54,10 @@ class TargetAngle(
         RecordConstructorArgs.__init__(self)
         gymnasium.Wrapper.__init__(self, env)
         self._servo = servo_of(env.unwrapped)
-        shape = self.action_space.shape or ()
-        self._limit = self._servo.limits("angle_limit", shape[-1])
-        self._most = self._servo.limits("acceleration_limit", shape[-1])
-        self._flaps = np.zeros((3, *shape))
+        self._count = flap_count(env.unwrapped)
+        self._limit = self._servo.limits("angle_limit", self._count)
+        self._most = self._servo.limits("acceleration_limit", self._count)
+        self._flaps = np.zeros((3, self._count))
         """Angle, rate, and the acceleration that acts."""
 
     def reset(
@@ -69,11 +70,13 @@ class TargetAngle(
 
     def step(self, action: ArrayLike) -> Step:
         """Move the flaps toward the target angles for the time of one action."""
-        target = self._limit * np.clip(checked_action(action, self.action_space.shape or ()), -1.0, 1.0)
+        wanted = np.clip(checked_action(action, self.action_space.shape or ()), -1.0, 1.0)
         angle, rate, acting = self._flaps
-        command = self._servo(angle, rate, acting, target)
+        command = self._servo(angle, rate, acting, self._limit * wanted[: self._count])
         acting = self._servo.carried(acting, command)
-        observation, reward, terminated, truncated, info = self.env.step(command / self._most)
+        observation, reward, terminated, truncated, info = self.env.step(
+            np.concatenate([command / self._most, wanted[self._count :]])
+        )
         self._keep(acting)
         return observation, float(reward), terminated, truncated, info
 
@@ -146,6 +149,7 @@ class Residual(
         rewards, infos = [], []
         for _ in range(self.hold):
             own, mind = self.agent.predict(self._observation[self._columns], self._state)
+            own = filled(own, correction.shape)
             seen, reward, terminated, truncated, info = self.env.step(np.clip(own + correction, -1.0, 1.0))
             # Only now, in case the environment refuses; and a copy, because what was returned is the caller's.
             self._observation, self._state = seen.copy(), mind
@@ -229,6 +233,18 @@ def flap_model(base: Any) -> Any:
     return base.model
 
 
+def flap_count(base: Any) -> int:
+    """Flaps of all blades of an unwrapped environment: as many of its actions are theirs, and come first."""
+    angle, _ = base.flap_motion()
+    return int(angle.shape[-1])
+
+
+def filled(action: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """An agent's action with zeros behind it for what it does not move."""
+    missing = shape[-1] - action.shape[-1]
+    return np.pad(action, [(0, 0)] * (action.ndim - 1) + [(0, missing)]) if missing else action
+
+
 def servo_of(base: Any) -> RotorServo:
     """The inner loop that fits an unwrapped environment."""
     model = flap_model(base)
@@ -279,6 +295,7 @@ def fitted_agent(agent: str | os.PathLike[str] | Agent, base: Any) -> tuple[Agen
             f"{settings.steps_per_action}: make it with steps_per_action={agent.steps_per_action}"
         )
     check_fit(agent, model)
+    check_pitch(agent, settings.pitch)
     columns = np.array([index for name in agent.observe for index in places[name]])
     if settings.single_blade:
         flaps = len(model.flaps)

@@ -22,7 +22,9 @@ from flapgym.wrappers.single import (
     checked_action,
     checked_hold,
     checked_scale,
+    filled,
     fitted_agent,
+    flap_count,
     identity,
     memory,
     remembered,
@@ -44,10 +46,10 @@ class VectorTargetAngle(VectorWrapper[Observation, Any, Observation, Any, Any]):
     def __init__(self, env: Vector) -> None:
         super().__init__(env)
         self._servo = servo_of(env.unwrapped)
-        shape = env.action_space.shape or ()
-        self._limit = self._servo.limits("angle_limit", shape[-1])
-        self._most = self._servo.limits("acceleration_limit", shape[-1])
-        self._flaps = np.zeros((3, *shape))
+        self._count = flap_count(env.unwrapped)
+        self._limit = self._servo.limits("angle_limit", self._count)
+        self._most = self._servo.limits("acceleration_limit", self._count)
+        self._flaps = np.zeros((3, env.num_envs, self._count))
         """Angle, rate, and the acceleration that acts."""
         self._mode = AutoresetMode(env.metadata["autoreset_mode"])
         self._ended = np.zeros(env.num_envs, dtype=bool)
@@ -64,10 +66,10 @@ class VectorTargetAngle(VectorWrapper[Observation, Any, Observation, Any, Any]):
 
     def step(self, actions: ArrayLike) -> Step:
         """Move the flaps toward the target angles for the time of one action."""
-        target = self._limit * np.clip(checked_action(actions, self.action_space.shape or ()), -1.0, 1.0)
+        wanted = np.clip(checked_action(actions, self.action_space.shape or ()), -1.0, 1.0)
         angle, rate, acting = self._flaps
-        command = self._servo(angle, rate, acting, target)
-        step = self.env.step(command / self._most)
+        command = self._servo(angle, rate, acting, self._limit * wanted[:, : self._count])
+        step = self.env.step(np.concatenate([command / self._most, wanted[:, self._count :]], axis=1))
         self._flaps[2] = self._servo.carried(acting, command)
         before, self._ended = self._ended, step[2] | step[3]
         self._keep(step[4], before if self._mode is AutoresetMode.NEXT_STEP else self._ended)
@@ -136,6 +138,7 @@ class VectorResidual(VectorWrapper[Observation, Any, Observation, Any, Any]):
         rewards, infos = [], []
         for _ in range(self.hold):
             own, mind = self.agent.predict(self._observation[:, self._columns], self._state, self._starts)
+            own = filled(own, correction.shape)
             seen, reward, terminated, truncated, info = self.env.step(np.clip(own + correction, -1.0, 1.0))
             # Only now, in case the environment refuses; and a copy, because what was returned is the caller's.
             self._observation, self._state = seen.copy(), mind

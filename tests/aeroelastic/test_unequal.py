@@ -19,7 +19,8 @@ from flapgym.model import load_model, save_model
 from flapgym.model.export import save_mat
 from flapgym.model.harmonics import fourier_series, simulate_periodic, system_at
 from flapgym.structure import assemble
-from flapgym.turbine import load_case
+from flapgym.structure.blade import blade_beam
+from flapgym.turbine import Signals, load_case
 from reference.floquet import floquet_multipliers
 
 CASE = load_case("nrel5mw-rated")
@@ -48,9 +49,12 @@ def small_corrected(**blades):
     return replace(coarse(**blades), airloads=airloads)
 
 
-def test_corrected_turbine_of_equal_blades_is_the_time_invariant_form_at_every_azimuth():
-    """The moving wake's states among the others."""
-    case = small_corrected()
+@pytest.mark.parametrize(
+    "signals", [Signals(), Signals(wind="by strip", gravity=True)], ids=["plain", "site"]
+)
+def test_corrected_turbine_of_equal_blades_is_the_time_invariant_form_at_every_azimuth(signals):
+    """The moving wake's states among the others, and what the wind of a site adds to the inputs."""
+    case = replace(small_corrected(), signals=signals)
     alike, aero = assemble_parts(case)
     components = [reduce_stacked(aero, [alike.lattice], m, 8) for m in (0, 1)]
     rotor = multiblade_aerodynamics(*components, CASE.rotor_speed, DT)
@@ -60,9 +64,14 @@ def test_corrected_turbine_of_equal_blades_is_the_time_invariant_form_at_every_a
     assert still.order == couple(turbine_equations(alike), rotor, DT).order + 2
     for azimuth in (0.0, 1.1, 4.0):
         step, forcing = at(azimuth)
-        for name in "ABCD":
+        assert step.inputs == still.inputs
+        for name in "AC":
             ours, theirs = getattr(step, name), getattr(still, name)
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-11 * np.abs(theirs).max())
+        for name in "BD":  # gravity's unit is far from a flap's
+            ours, theirs = getattr(step, name), getattr(still, name)
+            size = np.abs(theirs).max(axis=0)
+            np.testing.assert_allclose(ours / size, theirs / size, rtol=0.0, atol=1e-11)
         np.testing.assert_allclose(forcing, 0.0, atol=1e-12)
 
 
@@ -109,6 +118,65 @@ def test_structure_of_unequal_blades_is_the_direct_assembly_in_shapes(unequal, a
     for name, full in (("mass", theirs[0]), ("stiffness", theirs[2])):
         expected = shapes.T @ full @ shapes
         np.testing.assert_allclose(getattr(ours, name), expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.fixture(scope="module")
+def weighed(unequal):
+    """The same blades under gravity, with support modes enough for the hub to move in every way."""
+    parts, _ = unequal
+    case = parts.mean.case
+    case = replace(case, signals=Signals(gravity=True), reduction=replace(case.reduction, tower_modes=12))
+    mean = replace(parts.mean, case=case)
+    return replace(parts, mean=mean), unequal_equations(replace(parts, mean=mean))
+
+
+def masses(own):
+    """Mass [kg] and first mass moment (3,) about the apex [kg m] of a bent blade, element by element."""
+    blade, beam = own.blade, blade_beam(own.case.turbine, own.case.discretisation.blade_elements)
+    length = np.linalg.norm(np.diff(beam.reference.position, axis=0), axis=1)[:, None]
+    mid = 0.5 * (blade.position[1:] + blade.position[:-1])
+    aft = 0.5 * (blade.orientation[1:, :, 2] + blade.orientation[:-1, :, 2])
+    first = (length * (beam.mass[:, :1, 0] * mid + beam.mass[:, 4, 0, None] * aft)).sum(axis=0)
+    return float((length[:, 0] * beam.mass[:, 0, 0]).sum()), first
+
+
+def into_the_blade(azimuth):
+    """Rotation (3, 3) from the shaft's axes to those of a blade at an azimuth."""
+    cosine, sine = np.cos(azimuth), np.sin(azimuth)
+    return np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 2.2])
+def test_each_blade_hangs_on_the_hub_with_a_weight_and_an_arm_of_its_own(weighed, azimuth):
+    """Force and moment about the apex, in the shaft's axes: sums over the elements of three bent blades."""
+    parts, equations = weighed
+    at, tilt = equations(azimuth), parts.mean.case.turbine.rotor.tilt
+    down = np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+    forcing = at.forcing[3 * equations.modes :, at.inputs.index("gravity")] - equations.weight[1]
+    load = np.linalg.lstsq(equations.hub.T, forcing, rcond=None)[0]
+    force, moment = np.zeros(3), np.zeros(3)
+    for b, own in enumerate(parts.blades):
+        mass, first = masses(own)
+        force += mass * down
+        moment += np.cross(into_the_blade(azimuth + 2.0 * np.pi * b / 3.0).T @ first, down)
+    np.testing.assert_allclose(load[:3], force, atol=1e-9 * np.abs(force).max())
+    np.testing.assert_allclose(load[3:], moment, atol=1e-9 * np.abs(moment).max())
+    # The third blade is heavier: what is left about the shaft is its surplus, at sin of its azimuth.
+    surplus = 0.02 * 17740.0 * (20.475 + 1.5) * np.cos(tilt) * np.sin(azimuth + 4.0 * np.pi / 3.0)
+    assert load[3] == pytest.approx(surplus, rel=0.08)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 2.2])
+def test_weight_of_each_bent_blade_turns_its_own_root(weighed, azimuth):
+    parts, equations = weighed
+    at, tilt = equations(azimuth), parts.mean.case.turbine.rotor.tilt
+    down = np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+    told = at.output.direct[:3, at.inputs.index("gravity")]
+    for b, own in enumerate(parts.blades):
+        mass, first = masses(own)
+        falls = into_the_blade(azimuth + 2.0 * np.pi * b / 3.0) @ down
+        about_the_root = np.cross(first - mass * own.blade.position[0], falls)
+        assert told[b] == pytest.approx(about_the_root[1], rel=1e-9, abs=1e-3)
 
 
 def blade_signals(steps):

@@ -278,21 +278,6 @@ def test_the_same_seed_meets_the_same_field_however_long_actions_are_held(field)
         assert_near(other, found[0], 1e-12)
 
 
-@pytest.mark.parametrize(
-    ("around", "name"),
-    [
-        (Surroundings(field=FIELD), r"wind\.field"),
-        (Surroundings(inflow=SHEAR), r"wind\.inflow"),
-        (Surroundings(gravity=True), "gravity"),
-    ],
-    ids=["field", "inflow", "gravity"],
-)
-def test_unequal_blades_are_refused_even_if_the_model_has_the_inputs(around, name):
-    unequal = replace(site_model(), periodic=load_model("nrel5mw-corrected-heavy-blade").periodic)
-    with pytest.raises(ValueError, match=f"^{name}: expected a model of equal blades, got nrel5mw-site$"):
-        around.require(unequal)
-
-
 def test_a_single_blade_is_refused_as_it_does_not_turn():
     with pytest.raises(ValueError, match=r"^surroundings: expected none with the single blade"):
         field_plant(1, single_blade=True)

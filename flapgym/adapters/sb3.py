@@ -60,7 +60,7 @@ class FlapVecEnv(VecEnv):
             raise ValueError("per_blade: expected False, each environment is one blade already")
         if per_blade and base.settings.pitch:
             raise ValueError(
-                "per_blade: expected False with pitch=True, which takes an action of each blade more"
+                "per_blade: expected False with pitch=True, whose actions are of all flaps first, then of pitch"
             )
         if per_blade:
             self._own = own_columns(base.observed)

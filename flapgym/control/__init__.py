@@ -11,7 +11,12 @@ from flapgym.control.agent_files import (
 )
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
-from flapgym.control.individual_pitch import IndividualPitch, individual_pitch_agent
+from flapgym.control.individual_pitch import (
+    INDIVIDUAL_PITCH,
+    IndividualPitch,
+    individual_pitch_agent,
+    pitch_margin,
+)
 from flapgym.control.lqg import DesignModel, Weights, design_model, lqg_agent, synthesise, white_wind
 from flapgym.control.mpc import PredictiveController
 from flapgym.control.pd import PDGains, pd_agent
@@ -22,6 +27,7 @@ from flapgym.control.rotor_controller import RotorController
 __all__ = [
     "AGENT_NAMES",
     "AGENT_SETS",
+    "INDIVIDUAL_PITCH",
     "Agent",
     "BladeController",
     "DesignModel",
@@ -45,6 +51,7 @@ __all__ = [
     "multiblade_pid_agent",
     "pd_agent",
     "pid_agent",
+    "pitch_margin",
     "save_agent",
     "stability",
     "stationary_rms",

@@ -43,6 +43,7 @@ class Agent(Protocol):
     -----
     One with a true `per_blade` treats each blade alone, so it can act on a single one. One with a `time_step` [s] was
     made for plants of that step, one with `flaps` for turbines of so many flaps a blade; both are refused by any other.
+    One with a true `pitches` gives three more actions behind those of the flaps, the pitch of each blade.
     """
 
     @property

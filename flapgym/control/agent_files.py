@@ -78,8 +78,10 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     """
     if str(name) == OpenLoop.name:
         return OpenLoop()
-    pitch, _, beside = str(name).partition("+")
+    pitch, plus, beside = str(name).partition("+")
     if pitch == INDIVIDUAL_PITCH:
+        if plus and (not beside or beside.startswith(INDIVIDUAL_PITCH)):
+            raise ValueError(f"agent {one_line(name)}: expected an agent of the flaps behind the +")
         return individual_pitch_agent(
             str(name), model, CROSSOVER, load_agent(beside, model) if beside else None
         )

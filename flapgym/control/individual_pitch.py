@@ -8,7 +8,7 @@ import numpy as np
 import scipy.signal
 from numpy.typing import NDArray
 
-from flapgym.control.agent import OBSERVATION_SCALES, Agent, Floats, OpenLoop, blade_entries
+from flapgym.control.agent import OBSERVATION_SCALES, OF_FLAPS, Agent, Floats, OpenLoop, blade_entries
 from flapgym.control.margins import DiskMargin
 from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.fields import Quantity
@@ -22,6 +22,8 @@ INDIVIDUAL_PITCH = "individual_pitch"
 CROSSOVER = 0.3
 """Of its integral there [rad/s]. A faster one takes off little more: 0.5 one point of the site's DEL, at 11 m/s."""
 OBSERVED = ("rbm", "azimuth")
+NOT_OF_BLADES = {"azimuth": 2, "tower_top": 2, "wind": 1}
+"""Entries of observations that blades do not have each."""
 OWN_STATE = 6
 """Of each of two components: two delays of the filter, and the integral."""
 FREQUENCIES = np.geomspace(1e-3, 2.0, 400)
@@ -137,14 +139,12 @@ class IndividualPitch:
 
     def _places(self, size: int) -> dict[str, slice]:
         """Where things stand in an observation of so many entries."""
-        of_flaps = sum(name.startswith("flap_") for name in self.observe)
-        others = sum(
-            2 if name == "azimuth" else BLADES for name in self.observe if not name.startswith("flap_")
-        )
+        of_flaps = sum(name in OF_FLAPS for name in self.observe)
+        others = sum(NOT_OF_BLADES.get(name, BLADES) for name in self.observe if name not in OF_FLAPS)
         flaps = (size - others) // (BLADES * of_flaps) if of_flaps else 1
         found, first = {}, 0
         for name in self.observe:
-            wide = 2 if name == "azimuth" else BLADES * blade_entries((name,), flaps)
+            wide = NOT_OF_BLADES.get(name, BLADES * blade_entries((name,), flaps))
             found[name] = slice(first, first + wide)
             first += wide
         if size != first:

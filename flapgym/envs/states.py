@@ -59,9 +59,11 @@ def checked_state(
     for row, what, limits in zip(
         (0, 1), ("angles [rad]", "rates [rad/s]"), stepping.limits(model), strict=True
     ):
-        if np.any(np.abs(state["flaps"][row]) > limits * _ROUNDING):
+        beyond = np.flatnonzero(np.abs(state["flaps"][row]) > limits * _ROUNDING)
+        if beyond.size:
             raise ValueError(
-                f"flaps: expected {what} within +-{number(max(limits))}, got {shown(state['flaps'][row].tolist())}"
+                f"flaps: expected {what} within +-{number(limits[beyond[0]])}, "
+                f"got {shown(float(state['flaps'][row][beyond[0]]))}"
             )
     return state
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
-from flapgym.control.agent import check_fit
+from flapgym.control.agent import check_fit, check_pitch
 from flapgym.control.agent_checks import check_agent
 from flapgym.control.growth import Growth, agent_growth
 from flapgym.core.arrays import Array
@@ -187,7 +187,10 @@ def plan(
     if duration is None:
         duration = PAPER_LENGTH * model.length_scale / model.wind_speed
     seeds = range(seed, seed + realisations)
-    return Plan(_contestants(agents, model), model, seeds, duration, channels, environment, settings)
+    contestants = _contestants(agents, model)
+    for agent in contestants:
+        check_pitch(agent, bool(settings.get("pitch")))
+    return Plan(contestants, model, seeds, duration, channels, environment, settings)
 
 
 def _settings_of(environment: str) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import groupby
@@ -79,15 +80,18 @@ def simulate_together(
     intervals = [
         max(others) if others and type(agent) is OpenLoop else agent.steps_per_action for agent in agents
     ]
-    # A field that lasts longer is another one: all agents take the length of whoever holds actions longest.
+    # A field that lasts longer is another one: all agents take one length, of whole actions of each of them.
     wind = settings.get("wind")
     in_field = (wind.get("field") if isinstance(wind, Mapping) else getattr(wind, "field", None)) is not None
+    common = math.lcm(*intervals)
+    least = math.ceil(duration / model.time_step + max(intervals) - 1e-9)
+    alike = -(-least // common) * common * model.time_step
     for steps in dict.fromkeys(intervals):
         group = [index for index, interval in enumerate(intervals) if interval == steps]
         found = _simulate_group(
             [agents[i] for i in group],
             steps,
-            duration + (max(intervals) if in_field else steps) * model.time_step,
+            alike if in_field else duration + steps * model.time_step,
             model,
             seeds,
             duration,

@@ -17,8 +17,8 @@ from flapgym.core.fields import OrNone, Quantity, TupleOf, check_fields
 from flapgym.turbine import Pitch
 
 TOUCH = 1e-12
-"""Of the angle stop: a flap that is nearer to it, and goes on toward it, is at it. Commands at their bounds bring flaps
-back to the very stop, and round-off must not decide whether they meet it."""
+"""Of the angle stop: an actuator that is nearer to it, and goes on toward it, is at it. Commands at their bounds bring
+flaps back to the very stop, and round-off must not decide whether they meet it."""
 
 
 @dataclass(frozen=True)

@@ -313,7 +313,7 @@ class Kernel:
     wind : Modal
         Wind to the same, for a wind known in advance.
     disturbance : Disturbance, FieldResponse or BoxResponse
-        White noise to the rows.
+        From a realisation's normal numbers to the rows.
     steady : Steady or None
         The response to what is steady.
     rows : OutputRows

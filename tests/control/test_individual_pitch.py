@@ -15,6 +15,7 @@ from flapgym.control.individual_pitch import (
     pitch_margin,
 )
 from flapgym.core.multiblade import to_blades, to_components
+from flapgym.evaluation import plan
 from flapgym.evaluation.simulate import simulate, simulate_together
 from flapgym.model import load_model
 from tests.plant.plants import plant_of, rest
@@ -110,3 +111,14 @@ def test_what_goes_by_name_is_the_rule_of_the_model(model):
     np.testing.assert_array_equal(named.gain, made.gain)
     assert (named.name, named.beside.name, named.observe) == (made.name, "lqg", made.observe)
     assert load_agent("individual_pitch", model).beside.name == "open_loop"
+
+
+@pytest.mark.parametrize("name", ["individual_pitch+", "individual_pitch+individual_pitch"])
+def test_behind_the_plus_stands_an_agent_of_the_flaps(model, name):
+    with pytest.raises(ValueError, match=r"expected an agent of the flaps behind the \+$"):
+        load_agent(name, model)
+
+
+def test_a_comparison_refuses_it_before_any_work_where_pitch_stays():
+    with pytest.raises(ValueError, match=r"^agent individual_pitch: moves the blades' pitch"):
+        plan(["individual_pitch"], environment="flapgym/NREL5MWSite-v0")

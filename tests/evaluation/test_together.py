@@ -5,10 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flapgym.control import OpenLoop, PDGains, PIDGains, Weights, lqg_agent, multiblade_pid_agent, pd_agent
+from flapgym.control import (
+    OpenLoop,
+    PDGains,
+    PIDGains,
+    Weights,
+    load_agent,
+    lqg_agent,
+    multiblade_pid_agent,
+    pd_agent,
+)
 from flapgym.control.policy import Policy
 from flapgym.evaluation import simulate, simulate_together
 from flapgym.evaluation.bank import LinearBank, same_kind
+from flapgym.model import load_model
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -73,3 +83,15 @@ class _Lost(OpenLoop):
 def test_an_agent_whose_action_is_not_finite_is_named_among_others():
     with pytest.raises(ValueError, match=r"agent lost: gave an action that is not finite after 0\.00 s"):
         simulate_together([OpenLoop(), _Lost()], MODEL, [1, 2], 2.0)
+
+
+@pytest.mark.parametrize("more", [-1.0, -0.5, 0.0, 0.5, 1.0])
+def test_agents_of_other_intervals_meet_one_field_at_whatever_length(more):
+    """Also where a field of one length ends and that of another begins, for which one step decides."""
+    model = load_model("nrel5mw-site")
+    settings = {"wind": {"field": {"kind": "von_karman"}}}
+    lqg, slow = load_agent("lqg", model), replace(load_agent("ppo", model), steps_per_action=7)
+    # 41.93 s for this field: von Karman's, at the model's scale and wind.
+    duration = 41.93 + 7.0 * (more - 1.0) * model.time_step
+    first, second = simulate_together([lqg, slow], model, [0], duration, **settings)
+    np.testing.assert_array_equal(first.wind, second.wind)

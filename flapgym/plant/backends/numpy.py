@@ -69,7 +69,7 @@ def step(parameters: Parameters, episode: Episode, state: State, actions: FloatA
 
 
 def move(parameters: Parameters, flaps: Array, command: Array) -> tuple[Array, Array, Array, BoolArray]:
-    """Motion of the flaps over an interval.
+    """Motion of flaps and pitch over an interval.
 
     Parameters
     ----------

@@ -257,6 +257,7 @@ ELSEWHERE = {
         "split",
         "steady_loads",
     ),
+    "tests/control/test_individual_pitch.py": ("individual_pitch_agent", "pitch_margin"),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
     "tests/evaluation/test_metrics.py": (
         "damage_equivalent_load",

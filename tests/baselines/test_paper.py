@@ -123,7 +123,9 @@ def test_a_system_comes_back_from_the_cache_as_it_was(tmp_path):
 
 def _metrics(factor, angle):
     one = np.full((4, 3), 1e6) * np.linspace(0.9, 1.1, 4)[:, None]
-    return Metrics(factor * one, factor * one, factor * one, factor * one[:, 0], angle, angle, angle)
+    return Metrics(
+        factor * one, factor * one, factor * one, factor * one[:, 0], angle, angle, angle, 0.0 * angle
+    )
 
 
 def test_scores_are_changes_and_count_the_realisations_at_the_stop():

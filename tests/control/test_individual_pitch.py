@@ -92,6 +92,20 @@ def test_a_model_without_pitch_is_refused():
         individual_pitch_agent("pitch", load_model("nrel5mw-corrected"), 0.3)
 
 
+def test_there_is_no_margin_of_pitch_on_a_model_without_it(model):
+    agent = individual_pitch_agent("pitch", model, 0.3)
+    with pytest.raises(ValueError, match=r"^pitch_margin: expected a model with pitch as an input"):
+        pitch_margin(load_model("nrel5mw-corrected"), agent)
+
+
+@pytest.mark.parametrize(
+    "given, name", [({"crossover": 0.0}, "crossover"), ({"forgetting": -1.0}, "forgetting")]
+)
+def test_gains_that_are_none_are_refused_by_name(model, given, name):
+    with pytest.raises(ValueError, match=rf"^individual_pitch\.{name}: expected"):
+        individual_pitch_agent("pitch", model, **({"crossover": 0.3} | given))
+
+
 def test_the_margin_vanishes_at_the_gain_at_which_the_simulated_loop_begins_to_grow(model):
     agent = individual_pitch_agent("pitch", model, 0.3)
     gains = np.linspace(4.0, 7.0, 31)

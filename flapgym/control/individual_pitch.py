@@ -20,7 +20,7 @@ from flapgym.turbine import Pitch
 INDIVIDUAL_PITCH = "individual_pitch"
 """What it is called where agents go by names."""
 CROSSOVER = 0.3
-"""Of its integral there [rad/s]. A faster one takes off little more: 0.5 one point of the site's DEL, at 11 m/s."""
+"""Of its integral there [rad/s]. A faster one takes off little more, 0.5 two points of the site's DEL at 11 m/s."""
 OBSERVED = ("rbm", "azimuth")
 NOT_OF_BLADES = {"azimuth": 2, "tower_top": 2, "wind": 1}
 """Entries of observations that blades do not have each."""

@@ -8,6 +8,7 @@ every turbine, so it is folded into the lifted matrices here.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -103,20 +104,28 @@ class OutputRows:
 
     def matrix(self, turn: float) -> Array:
         """(count, k ny) rows from the outputs (y^1, ..., y^k), each the turbine's and the wind."""
-        outputs = BLADES * self.blade_outputs + self.fixed_outputs + 1
-        rows = np.zeros((self.count, self.steps, outputs))
-        first_kept = self.steps - self.kept
-        for sample in range(self.steps):
-            # Back from the sample's own frame into that of the start.
-            back = turned(-(sample + 1) * turn)
-            rows[BLADES * sample : BLADES * (sample + 1), sample, :BLADES] = back
-            if sample < first_kept:
-                continue
-            place = sample - first_kept
-            for quantity in range(1, self.blade_outputs):
-                row = BLADES * (self.steps + (quantity - 1) * self.kept + place)
-                rows[row : row + BLADES, sample, BLADES * quantity : BLADES * (quantity + 1)] = back
-            for quantity in range(self.fixed_outputs + 1):
-                row = self.blade_rows + quantity * self.kept + place
-                rows[row, sample, BLADES * self.blade_outputs + quantity] = 1.0
-        return rows.reshape(self.count, self.steps * outputs)
+        return _row_matrix(self, turn)
+
+
+@lru_cache(maxsize=32)
+def _row_matrix(wanted: OutputRows, turn: float) -> Array:
+    """Kept, because every episode asks for it."""
+    outputs = BLADES * wanted.blade_outputs + wanted.fixed_outputs + 1
+    rows = np.zeros((wanted.count, wanted.steps, outputs))
+    first_kept = wanted.steps - wanted.kept
+    for sample in range(wanted.steps):
+        # Back from the sample's own frame into that of the start.
+        back = turned(-(sample + 1) * turn)
+        rows[BLADES * sample : BLADES * (sample + 1), sample, :BLADES] = back
+        if sample < first_kept:
+            continue
+        place = sample - first_kept
+        for quantity in range(1, wanted.blade_outputs):
+            row = BLADES * (wanted.steps + (quantity - 1) * wanted.kept + place)
+            rows[row : row + BLADES, sample, BLADES * quantity : BLADES * (quantity + 1)] = back
+        for quantity in range(wanted.fixed_outputs + 1):
+            row = wanted.blade_rows + quantity * wanted.kept + place
+            rows[row, sample, BLADES * wanted.blade_outputs + quantity] = 1.0
+    matrix = rows.reshape(wanted.count, wanted.steps * outputs)
+    matrix.setflags(write=False)  # whoever asks again gets this one
+    return matrix

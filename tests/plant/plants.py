@@ -110,11 +110,11 @@ def flown(plant, start, actions):
     return fly(plant, actions)
 
 
-def assert_near(got, expected, relative, what=""):
-    """Within a share of the largest value expected; the same entries NaN."""
+def assert_near(got, expected, relative, what="", beside=0.0):
+    """Within a share of the largest value expected, or of one `beside` it; the same entries NaN."""
     missing = np.isnan(expected)
     np.testing.assert_array_equal(np.isnan(got), missing)
     got, expected = got[~missing], expected[~missing]
-    largest = np.abs(expected).max(initial=0.0)
+    largest = max(np.abs(expected).max(initial=0.0), np.abs(beside).max())
     error = np.abs(got - expected).max(initial=0.0)
     assert error <= relative * largest, f"{what}: {error / max(largest, 1e-300):.1e} relative"

@@ -18,20 +18,31 @@ def _assert_alike(got, expected, relative, at_bounds=False):
 
     Commands at their bounds bring flaps to rest at the very stop; whether they have met it is anyone's word.
     """
+    # Of blades that all do alike the tower's side-side motion is nothing but round-off of the fore-aft one.
+    side_side, fore_aft = "tower_side_side", "tower_fore_aft"
     for name in expected.quantities.last:
         if not (at_bounds and name == "flap_stopped"):
-            assert_near(got.last(name), expected.last(name), relative, name)
+            beside = np.nan_to_num(expected.last(fore_aft)) if name == side_side else 0.0
+            assert_near(got.last(name), expected.last(name), relative, name, beside)
     if expected.loads.samples.size:
         for name in expected.quantities.sample:
-            assert_near(got.samples(name), expected.samples(name), relative, name)
+            beside = expected.samples(fore_aft) if name == side_side else 0.0
+            assert_near(got.samples(name), expected.samples(name), relative, name, beside)
     assert got.loads.samples.shape == expected.loads.samples.shape
     for name in ("rbm_square", "angle_square", "fixed_square"):
         of_loads, wanted = getattr(got.loads, name), getattr(expected.loads, name)
         assert of_loads.shape == wanted.shape
         for column in range(wanted[0, 0].size):
             every = wanted.reshape(*wanted.shape[:2], -1)[..., column]
+            of_fore_aft = wanted[..., 0] if name == "fixed_square" and column == 1 else 0.0
             # A square is off by twice what its root is.
-            assert_near(of_loads.reshape(*of_loads.shape[:2], -1)[..., column], every, 2.0 * relative, name)
+            assert_near(
+                of_loads.reshape(*of_loads.shape[:2], -1)[..., column],
+                every,
+                2.0 * relative,
+                name,
+                of_fore_aft,
+            )
 
 
 def _both(count, steps, model, seed, **stepping):
@@ -67,7 +78,21 @@ def _setups(draw):
     }
 
 
+ALIKE = Faults(stuck=(0.03125,) * 3)
+
+
 # One turbine and many, which compiled code treats apart, with what is rarely drawn together.
+@example(
+    {
+        "steps": 1,
+        "count": 1,
+        "model": (1, False),
+        "faults": ALIKE,
+        "record": True,
+        "every_sample": True,
+        "seed": 0,
+    }
+)
 @example({"steps": 5, "count": 1, "model": (3, True), "record": True, "every_sample": True, "seed": 1})
 @example({"steps": 5, "count": 39, "model": (2, True), "record": True, "every_sample": True, "seed": 2})
 @example({"steps": 4, "count": 1, "model": (1, False), "record": False, "displacements": False, "seed": 3})

@@ -12,6 +12,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
+from flapgym.aeroelastic.operating import operating_case
 from flapgym.control import AGENT_NAMES, INDIVIDUAL_PITCH
 from flapgym.core import program
 from flapgym.core.atomic import check_target
@@ -29,12 +31,12 @@ from flapgym.core.wording import number
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
 from flapgym.evaluation.comparison import LARGEST_SEED, LONGEST, MOST_REALISATIONS
 from flapgym.evaluation.report import FILES
-from flapgym.model import DEFAULT_MODEL, TurbineModel, load_model, save_model
+from flapgym.model import DEFAULT_MODEL, ModelSet, TurbineModel, load_model, save_model, save_model_set
 from flapgym.model.nameplate import nameplate
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
-from flapgym.turbine import BUILT_IN, DEFAULT_CASE, load_case
+from flapgym.turbine import BUILT_IN, DEFAULT_CASE, Case, load_case
 
 PICTURES = (".pdf", ".png", ".svg")
 
@@ -119,6 +121,13 @@ def _takes_build(sub: argparse.ArgumentParser) -> None:
     known = ", ".join(BUILT_IN["case"])
     sub.add_argument("config", metavar="CONFIG", help=f"a case's TOML file, or a built-in one: {known}")
     sub.add_argument("--output", metavar="FILE", type=Path, required=True, help="the model file to write")
+    sub.add_argument(
+        "--wind-speeds",
+        metavar="M/S",
+        nargs="+",
+        type=real(0.1, 100.0, "m/s"),
+        help="build a set of models, one at each of these wind speeds of the case's schedule",
+    )
 
 
 def _takes_case(sub: argparse.ArgumentParser) -> None:
@@ -185,6 +194,8 @@ def _compare(options: argparse.Namespace) -> Work:
 def _build(options: argparse.Namespace) -> Work:
     case = load_case(options.config)
     _check_writable(options.output)
+    if options.wind_speeds is not None:
+        return _build_set(case, options)
 
     def work() -> int:
         if case.blades.unequal:
@@ -204,6 +215,30 @@ def _build(options: argparse.Namespace) -> Work:
         if not begun:
             print(f"built before, copied from the cache: {cached_path(case)}", file=sys.stderr)
         print(f"wrote {options.output}\n{describe(model)}")
+        return 0
+
+    return work
+
+
+def _build_set(case: Case, options: argparse.Namespace) -> Work:
+    speeds = sorted(options.wind_speeds)
+    for slower, faster in pairwise(speeds):
+        if slower == faster:
+            raise ValueError(f"--wind-speeds: expected each once, got {number(slower)} m/s twice")
+    for speed in speeds:
+        case.at_wind_speed(speed)  # refuses what the schedule does not reach
+
+    def work() -> int:
+        models = []
+        with ProgressBar(total=len(speeds), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
+            for speed in speeds:
+                bar.set_description_str(f"{number(speed)} m/s")
+                models.append(cached_model(operating_case(case, speed)))
+                bar.update(1)
+        save_model_set(ModelSet.of(models), options.output)
+        print(
+            f"wrote {options.output}: {len(models)} models of {case.name}, {', '.join(map(number, speeds))} m/s"
+        )
         return 0
 
     return work

@@ -83,15 +83,16 @@ def score(scoring, told, size, blades, angle_square, fixed_square):  # type: ign
 
 @njit(**OPTIONS)
 def observe(entries, noise, told, observation):  # type: ignore[no-untyped-def]
-    """`flapgym.envs.task.observe` for one turbine; entries are columns, factors, bounds and noisy blades."""
+    """`flapgym.envs.task.observe` for one turbine; entries are columns, factors, offsets, bounds, noisy blades."""
     count = observation.size
     for i in range(count):
-        value, noisy = told[int(entries[i])], int(entries[3 * count + i])
+        value, noisy = told[int(entries[i])], int(entries[4 * count + i])
         if noise.size > 0 and noisy >= 0:
             value += noise[noisy]
-        bound = np.float32(entries[2 * count + i])
+        value = value * entries[count + i] + entries[2 * count + i]
+        bound = np.float32(entries[3 * count + i])
         # Rounded before it is bounded: a stop rounded up would leave the space.
-        observation[i] = min(max(np.float32(value * entries[count + i]), -bound), bound)
+        observation[i] = min(max(np.float32(value), -bound), bound)
 
 
 def _entry(edition: int):  # type: ignore[no-untyped-def]
@@ -121,7 +122,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         told_at = squares_at + s.fixed_outputs
         scoring_at = told_at + size + s.blades
         entries_at = scoring_at + 4
-        begun_at = entries_at + 4 * observation.size
+        begun_at = entries_at + 5 * observation.size
         noise_at = begun_at + 3
 
         matrix, feed = (
@@ -232,7 +233,7 @@ class CompiledTurbine:
         told = self._flaps.stop + work_size.py_func(s) + s.fixed_outputs
         self._told = slice(told, told + plant.quantities.size + s.blades)
         head = [scoring.fore_aft, scoring.rbm_weight, scoring.angle_weight, scoring.tower_weight]
-        table = (scoring.columns, scoring.factors, scoring.bounds, scoring.noisy)
+        table = (scoring.columns, scoring.factors, scoring.offsets, scoring.bounds, scoring.noisy)
         room = np.zeros(self._told.stop - self._flaps.start)
         self._constants = np.concatenate([s, limits, room, head, *table], dtype=float)
         self.load(np.empty((0, 0)))

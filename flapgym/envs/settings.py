@@ -19,6 +19,7 @@ from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Choice, Count, Flag, OrNone, Quantity, TupleOf, check_fields, from_plain
 from flapgym.core.wording import number, shown
 from flapgym.envs.task import Task
+from flapgym.model.model_set import is_model_set, load_model_set
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.plant import BACKENDS, PRECISIONS, Faults, GivenWind, Surroundings
@@ -167,7 +168,7 @@ class Settings:
         ValueError
             If it was built for another wind speed; the message says how to build the right one.
         """
-        model = self.model if isinstance(self.model, TurbineModel) else load_model(self.model)
+        model = self._loaded()
         if self.wind_speed is not None and not math.isclose(self.wind_speed, model.wind_speed, rel_tol=1e-9):
             wanted = number(self.wind_speed)
             target = f"{model.name}-{wanted}mps"
@@ -179,6 +180,20 @@ class Settings:
                 f'model="{target}.safetensors"'
             )
         return model
+
+    def _loaded(self) -> TurbineModel:
+        """The model itself; of a set the one built for the wind speed."""
+        if isinstance(self.model, TurbineModel):
+            return self.model
+        if not is_model_set(self.model):
+            return load_model(self.model)
+        models = load_model_set(self.model)
+        if self.wind_speed is None:
+            raise ValueError(
+                f"wind_speed: expected one of {', '.join(map(number, models.wind_speeds))} m/s with the set "
+                f"{self.model}, got none; flapgym/NREL5MWRange-v0 draws one each episode"
+            )
+        return models.at(self.wind_speed)
 
     def surroundings(self, model: TurbineModel) -> Surroundings:
         """Field and steady inflow on the turbine of a model, and gravity.

@@ -310,9 +310,14 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._turbines.observed
 
     @property
+    def actions(self) -> int:
+        """Actions of an episode."""
+        return self._turbines.stepping.intervals
+
+    @property
     def spec(self) -> EnvSpec | None:
         """What makes such an environment again, with the number of actions of an episode."""
-        return completed(self._spec, self._turbines.stepping.intervals)
+        return completed(self._spec, self.actions)
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:

@@ -30,6 +30,8 @@ class Observable:
         Largest magnitude for a model; larger values are clipped. Of flaps, one each (F,).
     factor : float
         From SI to the unit.
+    offset : callable
+        What is added for a model, in the unit.
     """
 
     sources: tuple[str, ...]
@@ -37,6 +39,7 @@ class Observable:
     meaning: str
     bound: Callable[[TurbineModel], Any]
     factor: float = 1.0
+    offset: Callable[[TurbineModel], float] = lambda model: 0.0
 
 
 def _stop_of_pitch(model: TurbineModel, name: str) -> float:
@@ -86,10 +89,19 @@ OBSERVABLES: dict[str, Observable] = {
         "pitch rate of blades 1 to 3",
         lambda model: _stop_of_pitch(model, "rate_limit"),
     ),
+    "wind_speed": Observable(
+        ("wind_speed_estimate",),
+        "m/s",
+        "mean wind as rotor speed or pitch tell it slowly",
+        lambda model: 100.0,
+        offset=lambda model: model.wind_speed,
+    ),
 }
 """What there is to observe of any model. Perturbations about the steady equilibrium, except flap and azimuth."""
 TURBINE_ONLY = frozenset(("azimuth", "tower_top"))
 """Those a single blade does not have."""
+SPEED = frozenset(("wind_speed",))
+"""Those of a model whose rotor's speed is controlled."""
 PITCH = frozenset(("pitch_angle", "pitch_rate"))
 """Those of a turbine whose pitch moves."""
 CHEAP = frozenset(("rbm", "flap_angle", "flap_rate", "azimuth", "wind")) | PITCH
@@ -168,25 +180,32 @@ class Task:
                 f"task.tower_weight: expected 0 for a single blade, got {shown(self.tower_weight)}"
             )
         columns, noisy = list[int](), list[int]()
-        factors, bounds = list[float](), list[float]()
+        factors, offsets, bounds = list[float](), list[float](), list[float]()
         for name in self.observe:
             of_model = name in (*model.blade_outputs, *model.fixed_outputs)
             if single and (name in TURBINE_ONLY or (of_model and name not in quantities.last)):
                 raise ValueError(f"task.observe: a single blade has no {name}; leave it out")
             if name in PITCH and not quantities.pitch:
                 raise ValueError(f"task.observe: {name} takes pitch=True; leave it out without")
+            if name in SPEED and not all(source in quantities.last for source in OBSERVABLES[name].sources):
+                raise ValueError(
+                    f"task.observe: {name} takes a turbine whose rotor speed is controlled, as of the models "
+                    "nrel5mw-range; leave it out"
+                )
             entry = observable(name, model)
             for source in entry.sources:
                 place = quantities.last[source]
                 size = place.stop - place.start
                 columns += range(place.start, place.stop)
                 factors += [entry.factor] * size
+                offsets += [entry.offset(model)] * size
                 bounds += np.resize(entry.bound(model), size).tolist()
                 noisy += range(size) if source == "rbm" else [-1] * size
         fore_aft = model.fixed_outputs.index("tower_fore_aft") if self.tower_weight else -1
         return Scoring(
             columns=np.array(columns, dtype=np.int64),
             factors=np.array(factors),
+            offsets=np.array(offsets),
             bounds=np.array(bounds, dtype=np.float32),
             noisy=np.array(noisy, dtype=np.int64),
             rbm_weight=1.0 / model.rbm_rms**2,
@@ -216,8 +235,10 @@ class Scoring(NamedTuple):
         Places among the plant's numbers.
     factors : (observed,) float
         On the value.
+    offsets : (observed,) float
+        Added to the product.
     bounds : (observed,) float32
-        Of the product.
+        Of the sum.
     noisy : (observed,) int
         Blade whose measurement noise is added to the value, or -1.
     rbm_weight, angle_weight, tower_weight : float
@@ -228,6 +249,7 @@ class Scoring(NamedTuple):
 
     columns: IntArray
     factors: Array
+    offsets: Array
     bounds: NDArray[np.float32]
     noisy: IntArray
     rbm_weight: float
@@ -242,6 +264,7 @@ def observe(scoring: Scoring, last: Array, noise: Array | None = None) -> np.nda
     if noise is not None:
         values += np.where(scoring.noisy >= 0, noise[:, scoring.noisy], 0.0)
     values *= scoring.factors
+    values += scoring.offsets
     # Rounded before it is bounded: a stop rounded up to float32 would leave the space.
     packed = values.astype(np.float32)
     np.minimum(packed, scoring.bounds, out=packed)

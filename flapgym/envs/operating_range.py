@@ -131,7 +131,7 @@ class FlapRangeEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation, info | {"wind_speed": member.model.wind_speed}
 
     def _among(self, given: object) -> float:
-        asked = Quantity("speed").check(given, "options.wind_speed")
+        asked = float(Quantity("speed").check(given, "options.wind_speed"))
         for speed in self.wind_speeds:
             if np.isclose(speed, asked, rtol=1e-9, atol=0.0):
                 return speed
@@ -187,7 +187,9 @@ def speeds_within(models: ModelSet, wind_speed: object) -> tuple[float, ...]:
             f"wind_speed: expected two speeds, the lowest and the highest to fly at of {there} m/s, "
             f"got {shown(wind_speed)}"
         )
-    low, high = (Quantity("speed").check(each, f"wind_speed[{i}]") for i, each in enumerate(wind_speed))
+    low, high = (
+        float(Quantity("speed").check(each, f"wind_speed[{i}]")) for i, each in enumerate(wind_speed)
+    )
     within = tuple(speed for speed in models.wind_speeds if low <= speed <= high)
     if not within:
         raise ValueError(

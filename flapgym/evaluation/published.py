@@ -1,19 +1,22 @@
-"""Bounds that the package ships: how far any controller at all can get, by environment, realisations and metric."""
+"""Bounds that the package ships: how far any controller at all can get, by environment, realisations and metric.
+
+`python -m baselines.bounds` computes them.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from flapgym.core.fields import Choice, Count, OrNone, Quantity, Text, from_plain
-from flapgym.core.files import MEGABYTE, read_json
+from flapgym.core.files import MEGABYTE, parse_json, read_text
 from flapgym.core.wording import shown
-from flapgym.model.turbine_model import TurbineModel, builtin_models, load_model
+from flapgym.model.turbine_model import TurbineModel
 
 METRICS = ("rbm_rms", "rbm_del")
 """Of which there may be bounds: the changes of `flapgym.evaluation.Score` that begin so."""
@@ -24,12 +27,13 @@ SAME_DURATION = 1e-6
 
 @dataclass(frozen=True)
 class Bound:
-    """The least that a metric can be changed to, on some realisations.
+    """How far a metric can be changed at all, on some realisations.
 
     Attributes
     ----------
-    model : str
-        Name of the shipped model.
+    environment : str
+        Id.
+    model, model_hash : str
     seed, realisations : int
         Of the first, and how many.
     duration : float
@@ -37,14 +41,16 @@ class Bound:
     metric : {"rbm_rms", "rbm_del"}
         DEL at S-N slope 10.
     value : float
-        Change against open loop, a fraction, below zero.
+        Change against open loop, a fraction, below zero: mean of the realisations' ratios, as of `Score`.
     gap : float or None
-        By which the change may be off, a fraction of open loop; None where it is not known.
+        By which the best sequence that was found stays behind it; None where it is not known.
     kind : {"bound", "feasible"}
         What no controller can pass, or the best sequence that was found, which a better one may.
     """
 
+    environment: Annotated[str, Text()]
     model: Annotated[str, Text()]
+    model_hash: Annotated[str, Text()]
     seed: Annotated[int, Count(at_least=0)]
     realisations: Annotated[int, Count(at_least=1)]
     duration: Annotated[float, Quantity("time", above=0.0)]
@@ -54,32 +60,30 @@ class Bound:
     kind: Annotated[str, Choice(("bound", "feasible"))] = "bound"
 
 
-def read_bounds(path: Path) -> dict[str, tuple[Bound, ...]]:
-    """The bounds of a file by id of their environment; none if there is no such file.
+def read_bounds(path: Path) -> tuple[Bound, ...]:
+    """The bounds of a file, none if there is no such file: a JSON list of objects with the fields of `Bound`.
 
-    The file is a JSON object of lists: `{"flapgym/NREL5MW-v1": [{"model": ..., "seed": ..., ...}, ...]}`.
+    What else an object says is left to whoever wrote it.
 
     Raises
     ------
     ValueError
-        If it holds anything else; the message names the entry.
+        If the file holds anything else; the message names the entry.
     """
     if not path.is_file():
-        return {}
-    content = read_json(path, LARGEST)
-    if not isinstance(content, Mapping):
-        raise ValueError(f"bounds {path}: expected an object of lists by environment, got {shown(content)}")
-    return {name: _entries(name, entries) for name, entries in content.items()}
-
-
-def _entries(name: str, entries: Any) -> tuple[Bound, ...]:
-    if not isinstance(entries, list):
-        raise ValueError(f"bounds.{name}: expected a list, got {shown(entries)}")
-    return tuple(from_plain(Bound, entry, f"bounds.{name}[{place}]") for place, entry in enumerate(entries))
+        return ()
+    content = parse_json(f'{{"bounds": {read_text(path, LARGEST)}}}', f"bounds {path}")["bounds"]
+    if not isinstance(content, list) or not all(isinstance(entry, dict) for entry in content):
+        raise ValueError(f"bounds {path}: expected a list of objects, got {shown(content)}")
+    names = {each.name for each in fields(Bound)}
+    return tuple(
+        from_plain(Bound, {name: entry[name] for name in entry if name in names}, f"bounds[{place}]")
+        for place, entry in enumerate(content)
+    )
 
 
 @cache
-def _shipped() -> dict[str, tuple[Bound, ...]]:
+def _shipped() -> tuple[Bound, ...]:
     return read_bounds(Path(str(resources.files("flapgym.evaluation") / "data" / "bounds.json")))
 
 
@@ -88,7 +92,7 @@ def bounds_for(
     model: TurbineModel,
     seeds: Sequence[int],
     duration: float,
-    bounds: Mapping[str, Sequence[Bound]] | None = None,
+    bounds: Sequence[Bound] | None = None,
 ) -> dict[str, Bound]:
     """The bounds of just these realisations by metric; empty where there is none.
 
@@ -101,21 +105,16 @@ def bounds_for(
         Consecutive.
     duration : float
         Of each realisation [s].
-    bounds : mapping, optional
+    bounds : sequence of Bound, optional
         By default what the package ships.
     """
-    if environment is None:
-        return {}
-    found = {
+    asked = (environment, model.name, model.hash, seeds[0], len(seeds))
+    return {
         bound.metric: bound
-        for bound in (_shipped() if bounds is None else bounds).get(environment, ())
-        if (bound.model, bound.seed, bound.realisations) == (model.name, seeds[0], len(seeds))
+        for bound in (_shipped() if bounds is None else bounds)
+        if (bound.environment, bound.model, bound.model_hash, bound.seed, bound.realisations) == asked
         and math.isclose(bound.duration, duration, rel_tol=SAME_DURATION)
     }
-    # A model that was changed after it was read keeps its name.
-    if found and not (model.name in builtin_models() and load_model(model.name).hash == model.hash):
-        return {}
-    return found
 
 
 def score(change: float, bound: Bound) -> float:

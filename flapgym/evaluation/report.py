@@ -62,6 +62,15 @@ STEADY_CAPTION = (
     "takes some of that off lowers all loads, and is charged for it in turbulence alone."
 )
 
+SHORT = (
+    *(f"{label} [%]" for label in CHANGES.values()),
+    *SCORES.values(),
+    "RBM DEL [MN m]",
+    "max angle [deg]",
+    "travel [deg/s]",
+    "pitch travel [deg/s]",
+)
+"""Columns of a table for a first look, beside the agent."""
 CHANNEL_KEYS = 3
 """Columns that tell what a row of the channels is of."""
 GAP = "  "
@@ -190,7 +199,7 @@ def as_csv(comparison: Comparison) -> str:
 
 def as_markdown(comparison: Comparison) -> str:
     """The table with its caption and remarks, and that of the channels where they were scored."""
-    lines = [_caption(comparison), "", *_markdown_table(*_cells(comparison)), "", *_remarks(comparison)]
+    lines = [_caption(comparison), "", *_markdown_table(*cells(comparison)), "", *_remarks(comparison)]
     if comparison.channels:
         lines += ["", *_channels_caption(comparison), "", *_markdown_table(*_channel_cells(comparison))]
     return "\n".join(lines) + "\n"
@@ -198,7 +207,7 @@ def as_markdown(comparison: Comparison) -> str:
 
 def as_text(comparison: Comparison, width: int = WIDTH) -> str:
     """The same for a terminal: lines are broken and tables cut into blocks of columns that fit into its width."""
-    lines = [*textwrap.wrap(_caption(comparison), width), "", *_text_table(*_cells(comparison), width), ""]
+    lines = [*textwrap.wrap(_caption(comparison), width), "", *_text_table(*cells(comparison), width), ""]
     for remark in _remarks(comparison):
         lines += textwrap.wrap(remark, width)
     if comparison.channels:
@@ -234,7 +243,7 @@ def _text_table(header: list[str], rows: list[list[str]], width: int, keys: int 
     return lines[:-1]
 
 
-def _cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
+def cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
     """Header and rows; what is asked for first stands first, as a terminal may show the table in blocks."""
     pitches = any(found.pitch_travel for found in comparison.scores.values())
     labels = [f"{label} [%]" for label in CHANGES.values()]
@@ -346,7 +355,7 @@ def _wind(comparison: Comparison) -> str:
 
 
 def _bound(column: str, bound: Bound) -> str:
-    gap = "" if bound.gap is None else f", to {100 * bound.gap:.1f} points"
+    gap = "" if bound.gap is None else f" (the best sequence found stays {100 * bound.gap:.1f} points behind)"
     kind = "" if bound.kind == "bound" else ", the best sequence found, which is no bound"
     return f"{column} {100 * bound.value:+.1f} %{gap}{kind}"
 

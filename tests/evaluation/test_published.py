@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import pytest
 
@@ -16,7 +16,7 @@ from tests.synthetic import synthetic_model
 
 ID = "flapgym/NREL5MW-v1"
 MODEL = load_model()
-RMS = Bound(MODEL.name, 7, 2, 10.0, "rbm_rms", -0.5, 0.01)
+RMS = Bound(ID, MODEL.name, MODEL.hash, 7, 2, 10.0, "rbm_rms", -0.5, 0.01)
 DEL = replace(RMS, metric="rbm_del", value=-0.4, gap=None, kind="feasible")
 
 
@@ -29,7 +29,7 @@ def test_a_score_is_the_share_of_the_way_to_the_bound():
 
 @pytest.fixture
 def shipped(monkeypatch):
-    monkeypatch.setattr(published, "_shipped", lambda: {ID: (RMS, DEL)})
+    monkeypatch.setattr(published, "_shipped", lambda: (RMS, DEL))
 
 
 def test_the_table_and_the_files_tell_the_score_and_what_it_is_measured_by(shipped):
@@ -43,7 +43,7 @@ def test_the_table_and_the_files_tell_the_score_and_what_it_is_measured_by(shipp
     text = as_text(comparison, 1000)
     row = next(line for line in text.splitlines() if line.startswith("pd "))
     assert f"{pd['score_rbm_rms']:.2f}" in row
-    assert "score rms -50.0 %, to 1.0 points" in text
+    assert "score rms -50.0 % (the best sequence found stays 1.0 points behind)" in text
     assert "score DEL -40.0 %, the best sequence found, which is no bound" in text
     assert f",{pd['score_rbm_rms']}," in as_csv(comparison)
 
@@ -82,12 +82,11 @@ def test_without_a_bound_the_column_is_blank(tmp_path):
     assert not any(row[place : place + 20].strip() for row in rows)
 
 
-def test_bounds_are_read_from_a_file_by_environment(tmp_path):
+def test_bounds_are_read_from_a_file(tmp_path):
     path = tmp_path / "bounds.json"
-    assert read_bounds(path) == {}
-    entry = {"model": MODEL.name, "seed": 7, "realisations": 2, "duration": 10.0, "metric": "rbm_rms"}
-    path.write_text(json.dumps({ID: [entry | {"value": -0.5, "gap": 0.01}]}))
-    assert read_bounds(path) == {ID: (RMS,)}
+    assert read_bounds(path) == ()
+    path.write_text(json.dumps([asdict(RMS) | {"value_of_each": [-0.4, -0.6]}]))
+    assert read_bounds(path) == (RMS,)
     assert bounds_for(ID, MODEL, range(7, 9), 10.0, read_bounds(path)) == {"rbm_rms": RMS}
     assert bounds_for(None, MODEL, range(7, 9), 10.0, read_bounds(path)) == {}
 
@@ -95,24 +94,10 @@ def test_bounds_are_read_from_a_file_by_environment(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ([], "expected a"),
-        ({ID: {}}, "bounds.flapgym/NREL5MW-v1: expected a list"),
-        ({ID: [{"model": "m"}]}, r"bounds.flapgym/NREL5MW-v1\[0\]"),
-        (
-            {
-                ID: [
-                    {
-                        "model": "m",
-                        "seed": 1,
-                        "realisations": 1,
-                        "duration": 1.0,
-                        "metric": "rbm_rms",
-                        "value": 0.5,
-                    }
-                ]
-            },
-            r"bounds.flapgym/NREL5MW-v1\[0\].value: expected -1 <= fraction < 0, got 0.5",
-        ),
+        ({}, "bounds .*bounds.json: expected a list of objects, got {}"),
+        ([3], "bounds .*bounds.json: expected a list of objects"),
+        ([{"model": "m"}], r"bounds\[0\]"),
+        ([asdict(RMS) | {"value": 0.5}], r"bounds\[0\].value: expected -1 <= fraction < 0, got 0.5"),
     ],
 )
 def test_a_file_of_anything_else_is_refused(tmp_path, content, message):
@@ -120,3 +105,7 @@ def test_a_file_of_anything_else_is_refused(tmp_path, content, message):
     path.write_text(json.dumps(content))
     with pytest.raises(ValueError, match=message):
         read_bounds(path)
+
+
+def test_what_the_package_ships_is_read():
+    assert all(bound.value < 0.0 for bound in published._shipped())

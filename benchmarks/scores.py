@@ -65,12 +65,14 @@ def page(comparisons: Mapping[str, Comparison]) -> str:
 
 
 def short_table(comparison: Comparison) -> str:
-    """The columns of a comparison that a first look needs, without open loop, whose changes are zero."""
+    """The columns that a first look needs, but for blank ones, and all agents but open loop, whose changes are zero."""
     header, rows = cells(comparison)
-    kept = [0, *(place for place, name in enumerate(header) if name in SHORT)]
     shown = [row for name, row in zip(comparison.scores, rows, strict=True) if name != OpenLoop.name]
-    named = [[f"`{row[0]}`" if not place else row[place] for place in kept] for row in shown]
-    return table([header[place] for place in kept], named)
+    kept = [place for place, name in enumerate(header) if name in SHORT and any(row[place] for row in shown)]
+    return table(
+        [header[place] for place in (0, *kept)],
+        [[f"`{row[0]}`", *(row[place] for place in kept)] for row in shown],
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

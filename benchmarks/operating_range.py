@@ -150,7 +150,9 @@ def beside_prescribed(models: ModelSet) -> str:
     for wind_speed in BESIDE:
         model = models.at(wind_speed)
         case = case_of(model)
-        told = tuple(name for name in case.signals.outputs if name in load_case("nrel5mw-site").signals.outputs)
+        told = tuple(
+            name for name in case.signals.outputs if name in load_case("nrel5mw-site").signals.outputs
+        )
         fixed = replace(
             case,
             name=f"{case.name}-prescribed",
@@ -178,7 +180,14 @@ def beside_prescribed(models: ModelSet) -> str:
 def tables(points: Sequence[Point]) -> dict[str, str]:
     """Those of the page, by name, but for `beside_prescribed`."""
     where = table(
-        ["wind speed [m/s]", "rotor [rpm]", "pitch, listed [deg]", "thrust [kN]", "power [MW]", "incidence outside, inside [deg]"],
+        [
+            "wind speed [m/s]",
+            "rotor [rpm]",
+            "pitch, listed [deg]",
+            "thrust [kN]",
+            "power [MW]",
+            "incidence outside, inside [deg]",
+        ],
         [
             [
                 number(p.wind_speed),
@@ -206,7 +215,9 @@ def tables(points: Sequence[Point]) -> dict[str, str]:
         [
             [
                 number(p.wind_speed),
-                "-" if np.isnan(p.pole) else f"{abs(p.pole) / (2 * np.pi):.3f}, {-p.pole.real / abs(p.pole):.2f}",
+                "-"
+                if np.isnan(p.pole)
+                else f"{abs(p.pole) / (2 * np.pi):.3f}, {-p.pole.real / abs(p.pole):.2f}",
                 f"{100 * p.wind:.1f}",
                 f"{100 * p.share_beyond:.1f}",
                 f"{100 * p.speed:.1f}",
@@ -238,7 +249,9 @@ def _page(options: argparse.Namespace) -> Work:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fill the page's tables."""
-    parser = Parser(prog="python -m benchmarks.operating_range", description=(__doc__ or "").partition("\n")[0])
+    parser = Parser(
+        prog="python -m benchmarks.operating_range", description=(__doc__ or "").partition("\n")[0]
+    )
     parser.add_argument("page", type=Path, help="docs/range.md")
     parser.add_argument("--models", default=NAME, help="set of models; default: %(default)s")
     parser.set_defaults(door=_page, program=parser.prog)

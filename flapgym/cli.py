@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
+import shutil
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -27,10 +28,12 @@ from flapgym.core.atomic import check_target
 from flapgym.core.program import Work, real, whole
 from flapgym.core.progress import ProgressBar
 from flapgym.core.state_space import StateSpace
-from flapgym.core.wording import number
+from flapgym.core.wording import number, one_line
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
-from flapgym.evaluation.comparison import LARGEST_SEED, LONGEST, MOST_REALISATIONS
-from flapgym.evaluation.report import FILES
+from flapgym.evaluation.comparison import LARGEST_SEED, LONGEST, MOST_REALISATIONS, STEEPEST
+from flapgym.evaluation.metrics import FATIGUE_SLOPE
+from flapgym.evaluation.report import FILES, WIDTH
+from flapgym.evaluation.series import check_series, write_series
 from flapgym.model import DEFAULT_MODEL, ModelSet, TurbineModel, load_model, save_model, save_model_set
 from flapgym.model.nameplate import nameplate
 from flapgym.structure.mode_plot import plot_modes
@@ -39,6 +42,8 @@ from flapgym.structure.report import describe_modes
 from flapgym.turbine import BUILT_IN, DEFAULT_CASE, Case, load_case
 
 PICTURES = (".pdf", ".png", ".svg")
+NARROWEST = 80
+"""Columns of a terminal to which the table is broken at most."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -78,7 +83,52 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         f"{INDIVIDUAL_PITCH}+lqg and so on; default: all shipped",
     )
     sub.add_argument(
-        "--model", default=DEFAULT_MODEL, help="model file, or name of a shipped one; default: %(default)s"
+        "--model",
+        help="model file, or name of a shipped one, or a set of models over wind speed; default: the environment's, "
+        f"or {DEFAULT_MODEL}",
+    )
+    sub.add_argument(
+        "--env",
+        dest="environment",
+        metavar="ID",
+        help="an environment's model, wind, sensors and actuators, as flapgym/NREL5MWSite-v0",
+    )
+    sub.add_argument(
+        "--wind-speed",
+        type=real(1.0, 100.0, "m/s"),
+        metavar="M/S",
+        help="which model of a set",
+    )
+    sub.add_argument(
+        "--turbulence-intensity",
+        type=_fraction,
+        metavar="FRACTION",
+        help="of the turbulence, as 0.14 or 14%%; default: the environment's",
+    )
+    sub.add_argument(
+        "--length-scale",
+        type=real(1.0, 1e4, "m"),
+        metavar="METRES",
+        help="of von Karman's turbulence; default: the environment's",
+    )
+    sub.add_argument(
+        "--wind",
+        metavar="FILE",
+        help="in place of turbulence and gust: a recording (CSV), or a box (.bts, NetCDF, HAWC2 with the next two)",
+    )
+    sub.add_argument(
+        "--box-shape",
+        nargs=3,
+        type=whole(2, 1 << 20),
+        metavar=("NX", "NY", "NZ"),
+        help="points of a HAWC2 box along the wind, to the left and up",
+    )
+    sub.add_argument(
+        "--box-spacing",
+        nargs=3,
+        type=real(1e-3, 1e4, "m"),
+        metavar=("DX", "DY", "DZ"),
+        help="their distances in metres",
     )
     sub.add_argument(
         "--realisations",
@@ -91,7 +141,7 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         "--duration",
         type=real(1.0, LONGEST, "s"),
         metavar="SECONDS",
-        help="of each; default: 20 length scales over wind speed",
+        help="of each; default: 20 length scales over wind speed, or what a file of wind lasts",
     )
     sub.add_argument(
         "--seed",
@@ -106,9 +156,16 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         help="folder for compare.json, .csv, .md and .png; default: %(default)s",
     )
     sub.add_argument(
-        "--environment",
-        metavar="ID",
-        help="an environment's model, wind, sensors and actuators, as flapgym/NREL5MWSite-v0, in place of --model",
+        "--save-series",
+        metavar="FILE.nc",
+        help="every plant sample of all agents as NetCDF (needs flapgym[series])",
+    )
+    sub.add_argument(
+        "--slope",
+        type=real(1.0, STEEPEST),
+        metavar="M",
+        default=FATIGUE_SLOPE,
+        help="S-N slope of the scored damage-equivalent load; default: %(default)g",
     )
     sub.add_argument(
         "--channels",
@@ -170,6 +227,17 @@ def _takes_model(sub: argparse.ArgumentParser) -> None:
     )
 
 
+def _fraction(text: str) -> float:
+    """For an argument's `type`: a fraction, also in percent."""
+    share = text.strip().removesuffix("%")
+    try:
+        return real(0.0, 0.99)(text if share == text.strip() else repr(float(share) / 100.0))
+    except (ValueError, argparse.ArgumentTypeError):
+        raise argparse.ArgumentTypeError(
+            f"expected a fraction from 0 to 0.99, such as 0.14 or 14%, got {one_line(text, 60)}"
+        ) from None
+
+
 def _compare(options: argparse.Namespace) -> Work:
     planned = plan(
         agents=options.agents,
@@ -179,13 +247,28 @@ def _compare(options: argparse.Namespace) -> Work:
         duration=options.duration,
         channels=options.channels,
         environment=options.environment,
+        wind_speed=options.wind_speed,
+        turbulence_intensity=options.turbulence_intensity,
+        length_scale=options.length_scale,
+        wind=options.wind,
+        box_shape=options.box_shape,
+        box_spacing=options.box_spacing,
+        slope=options.slope,
+        series=options.save_series is not None,
     )
+    series = None if options.save_series is None else check_series(planned, options.save_series)
     folder = writable_folder(options.output, FILES)
 
     def work() -> int:
         comparison = run(planned, progress=True)
         write_report(comparison, folder)
-        print(f"{as_text(comparison)}\n\nwrote compare.* in {folder}")
+        wrote = f"wrote compare.* in {folder}"
+        if series is not None:
+            write_series(comparison, series)
+            wrote += f" and {series}"
+        # On a screen as wide as it is, but no narrower than a table bears.
+        width = max(NARROWEST, shutil.get_terminal_size((WIDTH, 0)).columns)
+        print(f"{as_text(comparison, width)}\n\n{wrote}")
         return 0
 
     return work

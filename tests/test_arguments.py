@@ -267,6 +267,7 @@ ELSEWHERE = {
         "summed_damage_change",
         "summed_damage_load",
     ),
+    "tests/evaluation/test_series.py": ("as_dataset",),
     "tests/turbine/test_files.py": ("load_case", "load_turbine"),
     "tests/wind/test_box.py": ("mann_box", "read_mann", "read_netcdf", "read_turbsim"),
     "tests/wind/test_extreme_gusts.py": ("gust_components",),
@@ -279,6 +280,7 @@ CHECKED_ALREADY = {
     "as_json", "as_markdown", "as_text", "blade_flap_inputs", "flap_inputs", "lqg_agent", "made_for",
     "multiblade_pid_agent", "output_rms", "pd_agent", "pid_agent", "pitch_inputs", "register_environments", "run",
     "simulate_together", "strip_inputs", "synthesise", "white_wind", "write_report",
+    "write_series",
 }  # fmt: skip
 """Those that take nothing but data classes which check themselves, a count of what exists, or no argument at all; and
 `simulate_together`, which `simulate` calls with its own."""

@@ -24,8 +24,8 @@ from flapgym.core.program import Parser, Work, run
 from flapgym.core.units import DEGREE
 from flapgym.core.wording import number
 from flapgym.envs.registration import ENVIRONMENTS
-from flapgym.evaluation import simulate
-from flapgym.evaluation.metrics import Record, damage_equivalent_load
+from flapgym.evaluation import Record, simulate
+from flapgym.evaluation.metrics import damage_equivalent_load
 from flapgym.model import ModelSet, TurbineModel, load_model_set
 from flapgym.turbine import Case, load_case
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -50,8 +51,8 @@ class Lidar:
         Full width at half height of the weights along a beam [m]; about 30 m for pulsed lidars (Cariou and Boquet 2010,
         Leosphere pulsed lidar principles).
     decay : float
-        Of the coherence, see above; 0 is frozen. For turbulence of the standard Simley and Pao find 8.4 sigma / U + 0.05
-        (their eq. 7, sigma of all three components), which is 2.1 for class B at 11 m/s and 340 m of scale.
+        Of the coherence, see above; 0 is frozen. Simley and Pao find 8.4 sigma / U + 0.05 (their eq. 7, sigma of all
+        three components), which is 2.1 in the standard's class B at 11 m/s.
     sample_rate : float
         Measurements of each beam a second [Hz]; the newest is held.
     delay : float
@@ -72,9 +73,7 @@ class Lidar:
     def __post_init__(self) -> None:
         check_fields(self, "lidar")
         if self.beams > 1 and self.radius == 0.0:
-            raise ValueError(
-                f"lidar.beams: expected 1 at radius 0, where all are the same, got {self.beams}"
-            )
+            raise ValueError(f"lidar.beams: expected 1 at radius 0, where all are the same, got {self.beams}")
 
     @property
     def azimuths(self) -> Array:
@@ -86,7 +85,7 @@ class Lidar:
         """Cosine of the cone angle: what a beam has of the wind along the shaft."""
         return self.range / math.hypot(self.range, self.radius)
 
-    @property
+    @cached_property
     def estimator(self) -> Array:
         """Speeds of the beams (N,) to the estimates u_0, u_c, u_s (3, N), by least squares.
 
@@ -114,16 +113,22 @@ class Lidar:
         ValueError
             The message names the field.
         """
-        ahead, late = self.range / wind_speed, self.delay + 1.0 / self.sample_rate
-        if late > ahead:
+        ahead = self.range / wind_speed
+        latest = ahead - 1.0 / self.sample_rate
+        if latest < 0.0:
             raise ValueError(
-                f"{name}.delay: expected at most {number(max(ahead - 1.0 / self.sample_rate, 0.0))} s, or the wind from "
-                f"{number(self.range)} m ahead has passed before it is told, got {number(self.delay)} s"
+                f"{name}.range: expected at least {number(wind_speed / self.sample_rate)} m, from where the wind takes "
+                f"longer than from one measurement to the next, got {number(self.range)} m"
+            )
+        if self.delay > latest:
+            raise ValueError(
+                f"{name}.delay: expected at most {number(latest)} s, or the wind from {number(self.range)} m ahead has "
+                f"passed before it is told, got {number(self.delay)} s"
             )
         if ahead > longest:
             raise ValueError(
-                f"{name}.range: expected at most {number(longest * wind_speed)} m, {number(longest)} s of this wind, got "
-                f"{number(self.range)} m"
+                f"{name}.range: expected at most {number(longest * wind_speed)} m, {number(longest)} s of this wind, "
+                f"got {number(self.range)} m"
             )
 
     def schedule(self, time: Array, wind_speed: float) -> tuple[IntArray, Array]:

@@ -127,7 +127,7 @@ def lidar_and_rotor(lidar: Lidar) -> tuple[Array, Array, Array]:
     upwind = upwind_turbulence(field, blades, model.wind_speed, model.rotor_speed, lidar)
     rng = np.random.default_rng(SEED)
     noise, own = rng.standard_normal(blades.noise_count), rng.standard_normal(upwind.noise_count)
-    time = np.arange(round(DURATION * lidar.sample_rate)) / lidar.sample_rate
+    time = np.arange(round(3.0 * DURATION * lidar.sample_rate)) / lidar.sample_rate
     seen = lidar.projection * upwind.seen(noise, own, time, 0.0) @ lidar.estimator[0]
     waves = (blades.root[:, 0] @ blades.parts(noise)[:, 0, :, None])[..., 0] @ annulus_weights(_radii(model))
     mean = (np.exp(2j * np.pi * np.outer(time, blades.frequencies)) @ waves).real
@@ -167,7 +167,7 @@ def draw_lidar(path: Path) -> None:
     right.set_ylim(0.0, 1.0)
     right.set_xlabel("frequency [Hz]", fontsize=TEXT)
     right.set_ylabel("coherence with the disk's mean", fontsize=TEXT)
-    right.legend(loc="best", fontsize=TEXT, frameon=False)
+    right.legend(loc="lower left", fontsize=TEXT - 4, frameon=False)
     for axis in (left, right):
         axis.tick_params(labelsize=TEXT - 1)
         axis.spines[["top", "right"]].set_visible(False)

@@ -1,15 +1,16 @@
 """What a lidar measures ahead of a turbine, in the very realisation that its blades meet later.
 
-The lidar's own random numbers come from a generator that the realisation's seed: nothing else draws other numbers for
-it, and a realisation has one lidar's record.
+The lidar's own random numbers come from a generator that is seeded with the realisation's: nothing else draws other
+numbers because of it, and a realisation always has the same record.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from flapgym.core.arrays import Array
-from flapgym.core.state_space import StateSpace
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant.box_response import BoxResponse
 from flapgym.plant.disturbance import Disturbance
@@ -25,6 +26,10 @@ STREAM = 0x11DA2
 """Beside the realisation's numbers, what the lidar's generator is seeded with."""
 BEYOND = 20.0
 """Time [s] for which a homogeneous wind goes on after the last that is measured, for means around it."""
+
+
+_shaping = lru_cache(maxsize=4)(von_karman_filter)
+"""Kept, as a reset would wait for it."""
 
 
 def known_ahead(response: Disturbance | FieldResponse | BoxResponse, intervals: int) -> float:
@@ -113,9 +118,7 @@ def _of_gust(
 ) -> Array:
     """Of the homogeneous turbulence (S,) at the model's intensity: its filter goes on beyond the episode."""
     dt = model.time_step
-    shaping: StateSpace = von_karman_filter(
-        model.wind_speed, model.turbulence_intensity, stepping.length_scale, dt
-    )
+    shaping = _shaping(model.wind_speed, model.turbulence_intensity, stepping.length_scale, dt)
     samples = max(
         int(np.ceil((arrival[-1] + BEYOND) / dt)) + 1, stepping.intervals * stepping.steps_per_action + 1
     )

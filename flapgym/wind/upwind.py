@@ -64,7 +64,7 @@ class UpwindTurbulence:
     @property
     def noise_count(self) -> int:
         """Standard normal numbers that make the rest of one realisation."""
-        return 2 * (sum(rest[..., 0].size for rest in self.rest) + self.unmet.size)
+        return 2 * (sum(math.prod(rest.shape[:2]) for rest in self.rest) + self.unmet.size)
 
     def waves(self, noise: Array, own: Array) -> list[ComplexArray]:
         """Waves (F, H) of each part, in axes that turn with the blades, and (F, N) of those that they do not meet.
@@ -79,7 +79,7 @@ class UpwindTurbulence:
         of_blades = self.turbulence.parts(noise)[..., None].view(np.float64)
         waves, first = [], 0
         for part, (regression, rest) in enumerate(zip(self.regression, self.rest, strict=True)):
-            unit = own[first : first + 2 * rest[..., 0].size].reshape(*rest.shape[:2], 2)
+            unit = own[first : first + 2 * math.prod(rest.shape[:2])].reshape(*rest.shape[:2], 2)
             first += unit.size
             both = regression @ of_blades[:, part] + rest @ unit
             waves.append(both.view(np.complex128)[..., 0])

@@ -109,10 +109,12 @@ def test_wind_that_changes_on_its_way_is_as_strong_as_frozen_wind():
         np.testing.assert_allclose(frozen, changed, rtol=1e-6, atol=1e-12)
 
 
-def test_a_point_of_the_circle_has_the_standard_deviation_of_the_field_but_for_what_is_fast():
+@pytest.mark.parametrize(("radius", "beams"), [(30.0, 4), (0.0, 1)])
+def test_where_a_beam_measures_the_wind_is_as_strong_as_the_field_but_for_what_is_fast(radius, beams):
     blades = blade_turbulence(KAIMAL, RADII, WIND, SPEED, 400.0)
-    lidar = Lidar(radius=30.0, **FROZEN)
+    lidar = Lidar(radius=radius, beams=beams, **FROZEN)
     upwind = upwind_turbulence(KAIMAL, blades, WIND, SPEED, lidar)
+    assert np.isfinite(upwind.seen(*_drawn(upwind, RNG), np.arange(9.0), 0.0)).all()
     variance = sum(
         np.einsum("fhr,fhr->", a, a) + np.einsum("fhr,fhr->", b, b)
         for a, b in zip(upwind.regression, upwind.rest, strict=True)

@@ -6,6 +6,8 @@ import pytest
 from flapgym.control import Weights, lqg_agent
 from flapgym.control.lqg import RBM_UNIT, design_model, with_actuator
 from flapgym.control.preview import Estimator, LidarLQG, preview_gains
+from flapgym.evaluation.simulate import simulate_together
+from flapgym.model import load_model
 from flapgym.wind import Kaimal, Lidar
 from tests.synthetic import synthetic_model
 
@@ -112,3 +114,15 @@ def test_another_observation_is_refused_in_one_line():
     agent = LidarLQG("told", MODEL, WEIGHTS, CONE, FIELD)
     with pytest.raises(ValueError, match=r"^agent told: expected 20 observations"):
         agent.predict(np.zeros(15))
+
+
+def test_at_the_site_it_hears_its_lidar_and_meets_the_wind_that_others_do():
+    model = load_model("nrel5mw-site")
+    field = Kaimal(turbulence_class="B", hub_height=90.0)
+    agents = [LidarLQG(f"told {share}", model, WEIGHTS, CONE, field, share) for share in (0.0, 1.0)]
+    deaf, hears = simulate_together(
+        agents, model, [2000], 3.0, wind={"field": field}, sensors={"lidar": CONE}
+    )
+    np.testing.assert_array_equal(deaf.wind, hears.wind)
+    assert np.isfinite(hears.rbm).all()
+    assert np.ptp(hears.flap_angle - deaf.flap_angle) > 1e-3

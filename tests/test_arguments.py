@@ -11,6 +11,7 @@ import pytest
 
 from flapgym.control import (
     BladeController,
+    LidarLQG,
     OpenLoop,
     PDGains,
     PIDGains,
@@ -41,7 +42,7 @@ from flapgym.structure import (
     solve_equilibrium,
 )
 from flapgym.turbine import load_turbine
-from flapgym.wind import realise, von_karman_filter, von_karman_spectrum
+from flapgym.wind import Kaimal, Lidar, realise, von_karman_filter, von_karman_spectrum
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -108,6 +109,12 @@ def _calls():
             (lambda: PredictiveController("a", MODEL, Weights(1.0), preview=1.5), "agent a: preview"),
             (lambda: PredictiveController("a", MODEL, Weights(1.0), blocks=()), "agent a: blocks"),
             (lambda: PredictiveController("a", MODEL, Weights(1.0), blocks=(1, 0)), "agent a: blocks"),
+        ],
+        "LidarLQG": [
+            (
+                lambda: LidarLQG("a", MODEL, Weights(1.0), Lidar(100.0, 40.0), Kaimal(hub_height=90.0), -1.0),
+                "agent a: share",
+            ),
         ],
         "plan": [
             (lambda: plan([], MODEL, realisations=True), "realisations: expected"),

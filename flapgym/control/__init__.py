@@ -22,6 +22,7 @@ from flapgym.control.mpc import PredictiveController
 from flapgym.control.pd import PDGains, pd_agent
 from flapgym.control.pid import PIDGains, multiblade_pid_agent, pid_agent
 from flapgym.control.policy import Policy
+from flapgym.control.preview import LidarLQG
 from flapgym.control.rotor_controller import RotorController
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "BladeController",
     "DesignModel",
     "IndividualPitch",
+    "LidarLQG",
     "OpenLoop",
     "PDGains",
     "PIDGains",

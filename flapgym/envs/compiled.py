@@ -82,13 +82,14 @@ def score(scoring, told, size, blades, angle_square, fixed_square):  # type: ign
 
 
 @njit(**OPTIONS)
-def observe(entries, noise, told, observation):  # type: ignore[no-untyped-def]
-    """`flapgym.envs.task.observe` for one turbine; entries are columns, factors, offsets, bounds, noisy blades."""
+def observe(entries, added, told, observation):  # type: ignore[no-untyped-def]
+    """`flapgym.envs.task.observe` for one turbine; entries are columns, factors, offsets, bounds and what is added."""
     count = observation.size
     for i in range(count):
-        value, noisy = told[int(entries[i])], int(entries[4 * count + i])
-        if noise.size > 0 and noisy >= 0:
-            value += noise[noisy]
+        column, own = int(entries[i]), int(entries[4 * count + i])
+        value = told[column] if column >= 0 else 0.0
+        if added.size > 0 and own >= 0:
+            value += added[own]
         value = value * entries[count + i] + entries[2 * count + i]
         bound = np.float32(entries[3 * count + i])
         # Rounded before it is bounded: a stop rounded up would leave the space.
@@ -123,7 +124,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         scoring_at = told_at + size + s.blades
         entries_at = scoring_at + 4
         begun_at = entries_at + 5 * observation.size
-        noise_at = begun_at + 3
+        added_at = begun_at + 3
 
         matrix, feed = (
             real[:feed_at].reshape((above + fed, s.modes)),
@@ -176,9 +177,10 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         place += s.fixed_places + 1
         told[place], told[place + 1], told[place + 2] = heading(s, azimuth, elapsed, cosine, sine)
         own[begun_at] = elapsed + 1.0
-        # Past the end of an episode there is no more noise.
-        at = noise_at + min(elapsed + 1, s.intervals) * s.blades
-        observe(own[entries_at:begun_at], own[at : at + s.blades], told, observation)
+        # Past the end of an episode there is no more of it.
+        width = (own.size - added_at) // (s.intervals + 1)
+        at = added_at + min(elapsed + 1, s.intervals) * width
+        observe(own[entries_at:begun_at], own[at : at + width], told, observation)
         reward, of_moments, of_angles, of_tower = score(
             scoring, told, size, s.blades, square / (k * s.blades * s.flaps), fixed_square
         )
@@ -199,7 +201,7 @@ class CompiledTurbine:
     `real`, in the precision of the modes, holds decay, read, push and feed of the parameters; modes; rows and inputs to
     work in; the response to the episode's wind. `own`, in double precision, holds sizes, limits, `settling`, flaps,
     numbers to work in, what is told with each moment's mean square behind it, scoring, entries of the observation,
-    actions since the reset, level of the response, azimuth at the reset, and measurement noise.
+    actions since the reset, level of the response, azimuth at the reset, and what sensors add of their own.
 
     Parameters
     ----------
@@ -233,7 +235,7 @@ class CompiledTurbine:
         told = self._flaps.stop + work_size.py_func(s) + s.fixed_outputs
         self._told = slice(told, told + plant.quantities.size + s.blades)
         head = [scoring.fore_aft, scoring.rbm_weight, scoring.angle_weight, scoring.tower_weight]
-        table = (scoring.columns, scoring.factors, scoring.offsets, scoring.bounds, scoring.noisy)
+        table = (scoring.columns, scoring.factors, scoring.offsets, scoring.bounds, scoring.added)
         room = np.zeros(self._told.stop - self._flaps.start)
         self._constants = np.concatenate([s, limits, room, head, *table], dtype=float)
         self.load(np.empty((0, 0)))
@@ -242,11 +244,11 @@ class CompiledTurbine:
         run_kept(_step, self._real, self._own, still, empty(self._observed, np.float32))
         self.load(np.empty((0, 0)))
 
-    def load(self, noise: Array) -> None:
-        """Take the plant's turbine, and its measurement noise (intervals + 1, blades) [N m], or none of size 0."""
+    def load(self, own: Array) -> None:
+        """Take the plant's turbine, and its sensors' own numbers (intervals + 1, S), or none of size 0."""
         episode, state = self._plant.episode, self._plant.state
         begun = [state.elapsed[0], episode.level[0], episode.azimuth[0]]
-        self._own = np.concatenate([self._constants, begun, noise.ravel()])
+        self._own = np.concatenate([self._constants, begun, own.ravel()])
         self._own[self._flaps] = state.flaps.ravel()
         self._begun = self._constants.size
         self._real[self._modes] = state.modes[0]

@@ -25,7 +25,7 @@ from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.plant import BACKENDS, PRECISIONS, Faults, GivenWind, Surroundings
 from flapgym.plant.surroundings import require_inputs
 from flapgym.turbine import BUILT_IN, load_case
-from flapgym.wind import BoxFile, Inflow, Wind, turbulence_of
+from flapgym.wind import BoxFile, Inflow, Lidar, Wind, turbulence_of
 from flapgym.wind.box_field import BoxField
 from flapgym.wind.gusts import ROUNDING, DiskGust, Gust, Recorded, gust_of
 from flapgym.wind.turbulence import Turbulence
@@ -83,7 +83,7 @@ class Actuators:
 
 @dataclass(frozen=True)
 class Sensors:
-    """What stands between a root bending moment and its observation; the reward sees none of it.
+    """What stands between a root bending moment and its observation, and what looks upwind; the reward sees none of it.
 
     Attributes
     ----------
@@ -91,10 +91,13 @@ class Sensors:
         Standard deviation of white noise [N m].
     delay : float
         By which the moments are late [s], whole plant steps.
+    lidar : Lidar, mapping or None
+        That measures the wind before it comes, `{"range": 100.0, "radius": 40.0}`.
     """
 
     noise: Annotated[float, Quantity("moment", at_least=0.0, at_most=5e7)] = 0.0
     delay: Annotated[float, Quantity("time", at_least=0.0, at_most=LONGEST_DELAY)] = 0.0
+    lidar: Annotated[Lidar | Mapping[str, Any] | None, OrNone(Lidar)] = None
 
     def __post_init__(self) -> None:
         check_fields(self, "sensors")
@@ -269,6 +272,26 @@ class Settings:
             return GivenWind(wind[1:], wind[0])
         wind = self.wind.given(time, model.wind_speed, diameter, plate.hub_height)
         return GivenWind(wind[1:], float(wind[0]))
+
+    def gust_ahead(self, model: TurbineModel, lidar: Lidar, arrival: Array) -> Array:
+        """What a lidar's beams measure of the gust, (S, N) [m/s] along them, by when it arrives (S,) [s].
+
+        A recording is taken to stay at its end.
+        """
+        if self.wind.gust is None:
+            return np.zeros((len(arrival), lidar.beams))
+        before, weights = lidar.along(model.wind_speed)
+        time = (arrival[:, None] - before).ravel()
+        gust = gust_of(self.wind.gust)
+        if isinstance(gust, Recorded):
+            time = np.minimum(time, gust.lasts())
+        plate = nameplate(model.case)
+        diameter = None if plate.rotor_radius is None else 2.0 * plate.rotor_radius
+        radius = np.array([lidar.radius])
+        found = self.wind.given_by_strip(time, model.wind_speed, radius, diameter, plate.hub_height)
+        found = weights @ found.reshape(len(arrival), len(weights), -1)
+        of_beams = np.stack([np.ones(lidar.beams), np.cos(lidar.azimuths), np.sin(lidar.azimuths)])
+        return lidar.projection * (found @ of_beams)
 
     def _require_turning(self, gust: Gust) -> None:
         """Refuse a gust that differs over the disk where the winds by strip do not turn."""

@@ -19,6 +19,7 @@ from flapgym.plant.periodic import PeriodicPlant
 from flapgym.plant.quantities import Quantities
 from flapgym.plant.start import GivenWind, Start
 from flapgym.plant.surroundings import Surroundings
+from flapgym.wind import Lidar
 from flapgym.wind.blade_field import FieldOnDisk
 from flapgym.wind.box_field import BoxOnDisk
 
@@ -86,6 +87,15 @@ class Plant(Protocol):
 
     def field(self, start: Start) -> FieldOnDisk | BoxOnDisk:
         """The wind over the disk while the one turbine of a start goes through its episode; ValueError without one."""
+        ...
+
+    @property
+    def known_ahead(self) -> float:
+        """Time beyond an episode up to which its wind can be told ahead [s]."""
+        ...
+
+    def upwind(self, lidar: Lidar, start: Start, arrival: Array) -> Array:
+        """Speeds along a lidar's beams (m, S, N) [m/s] in m episodes, of turbulence that arrives at times (S,) [s]."""
         ...
 
     def steady(self, azimuth: Array) -> dict[str, Array]:

@@ -16,6 +16,8 @@ from flapgym.plant.responses import Responses, field_over_disk
 from flapgym.plant.start import Start
 from flapgym.plant.stuck import stuck_modes
 from flapgym.plant.telling import tell
+from flapgym.plant.upwind import known_ahead, measured_upwind
+from flapgym.wind import Lidar
 from flapgym.wind.blade_field import FieldOnDisk
 from flapgym.wind.box_field import BoxOnDisk
 
@@ -127,6 +129,15 @@ class LinearPlant:
             If there is no field around this plant.
         """
         return field_over_disk(self._kernel.disturbance, start, self.stepping.intervals)
+
+    @property
+    def known_ahead(self) -> float:
+        """Time beyond an episode up to which its wind can be told ahead [s]."""
+        return known_ahead(self._kernel.disturbance, self.stepping.intervals)
+
+    def upwind(self, lidar: Lidar, start: Start, arrival: Array) -> Array:
+        """Speeds along a lidar's beams (m, S, N) [m/s], see `flapgym.plant.upwind.measured_upwind`."""
+        return measured_upwind(self._kernel.disturbance, self.model, self.stepping, lidar, start, arrival)
 
     def steady(self, azimuth: Array) -> dict[str, Array]:
         """What steady inflow and gravity do to the outputs at azimuths of blade 1 (n,) [rad], about its mean.

@@ -32,10 +32,12 @@ from flapgym.plant.start import GivenWind, Start
 from flapgym.plant.stuck import stuck_modes
 from flapgym.plant.surroundings import Steady, Surroundings, steady_inputs, strip_radii
 from flapgym.plant.telling import tell
-from flapgym.wind import von_karman_filter
+from flapgym.plant.upwind import known_ahead, measured_upwind
+from flapgym.wind import Lidar, von_karman_filter
 from flapgym.wind.blade_field import FieldOnDisk
 from flapgym.wind.box_field import BoxOnDisk
 from flapgym.wind.disk import annulus_weights
+from flapgym.wind.shaping_filter import filtered
 
 _AZIMUTHS = 64
 """Around the revolution, at least, for the steady motion of an unbalanced rotor."""
@@ -206,6 +208,15 @@ class PeriodicPlant:
             If there is no field around this plant.
         """
         return field_over_disk(self._field, start, self.stepping.intervals)
+
+    @property
+    def known_ahead(self) -> float:
+        """Time beyond an episode up to which its wind can be told ahead [s]."""
+        return known_ahead(self._field, self.stepping.intervals)
+
+    def upwind(self, lidar: Lidar, start: Start, arrival: Array) -> Array:
+        """Speeds along a lidar's beams (m, S, N) [m/s], see `flapgym.plant.upwind.measured_upwind`."""
+        return measured_upwind(self._field, self.model, self.stepping, lidar, start, arrival)
 
     def steady(self, azimuth: Array) -> dict[str, Array]:
         """What steady inflow and gravity do to the outputs at azimuths of blade 1 (n,) [rad], about each one's mean.
@@ -500,15 +511,3 @@ def steady_motion(
     raise ValueError(
         "periodic plant: the steady motion of the unbalanced rotor was not found; blades differ too much"
     )
-
-
-def filtered(shaping: StateSpace, first: Array, white: Array) -> Array:
-    """Wind (m, T) of a diagonal filter from its first states (m, n or more) and white noise (m, T)."""
-    from scipy.signal import lfilter  # turbines of equal blades do without
-
-    wind = shaping.D[0, 0] * white
-    for mode, decay in enumerate(np.diag(shaping.A)):
-        # Of the state before each sample: x' = decay x + B w, read by C.
-        states, _ = lfilter([0.0, shaping.B[mode, 0]], [1.0, -decay], white, zi=first[:, mode : mode + 1])
-        wind += shaping.C[0, mode] * states
-    return np.asarray(wind)

@@ -7,6 +7,7 @@ from flapgym.wind.disk import Disk
 from flapgym.wind.field import disk_turbulence
 from flapgym.wind.gusts import Gust, gust_components, gust_of
 from flapgym.wind.inflow import Inflow
+from flapgym.wind.lidar import Lidar
 from flapgym.wind.realisation import realise
 from flapgym.wind.shaping_filter import von_karman_filter
 from flapgym.wind.spectrum import von_karman_spectrum
@@ -19,6 +20,7 @@ __all__ = [
     "Gust",
     "Inflow",
     "Kaimal",
+    "Lidar",
     "VonKarman",
     "Wind",
     "WindBox",

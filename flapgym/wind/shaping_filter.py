@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import beta
 
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, Quantity
 from flapgym.core.state_space import StateSpace
 from flapgym.wind.spectrum import check_wind
@@ -60,6 +61,18 @@ def von_karman_filter(
         inputs=("white",),
         outputs=("wind",),
     )
+
+
+def filtered(shaping: StateSpace, first: Array, white: Array) -> Array:
+    """Wind (m, T) of a diagonal filter from its first states (m, n or more) and white noise (m, T)."""
+    from scipy.signal import lfilter  # half a second to import
+
+    wind = shaping.D[0, 0] * white
+    for mode, decay in enumerate(np.diag(shaping.A)):
+        # Of the state before each sample: x' = decay x + B w, read by C.
+        states, _ = lfilter([0.0, shaping.B[mode, 0]], [1.0, -decay], white, zi=first[:, mode : mode + 1])
+        wind += shaping.C[0, mode] * states
+    return np.asarray(wind)
 
 
 @lru_cache(maxsize=64)

@@ -1,12 +1,12 @@
 """The scored metrics as functions of the moments, with their slopes; and what bounds fatigue from below and is convex.
 
 Rainflow counting knows, for every pair of levels, how often a history swings from one to the other (Rychlik, Int. J.
-Fatigue 9 (1987) 119): a cycle it takes out is a swing and the swing back, and in ASTM's count what does not come back is
-half a cycle. A range's m-th power, m > 1, is a sum of positive shares of the pairs of levels within it. Between instants
-chosen in advance, a history swings at least as often across a pair of levels as there are differences of successive
-instants that span it: two that span it alike have a swing back between them. So half a cycle for each difference is
-never more than the rainflow damage, whatever the instants and the history. The equivalent load of such a chain is a
-norm of differences: convex, which rainflow counting is not. So is that of any mixture of chains.
+Fatigue 9 (1987) 119): a cycle it takes out is a swing and the swing back, and in ASTM's count what does not come back
+is half a cycle. A range's m-th power, m > 1, is a sum of positive shares of the pairs of levels within it. Between
+instants chosen in advance, a history swings at least as often across a pair of levels as there are differences of
+successive instants that span it: two that span it alike have a swing back between them. So half a cycle for each
+difference is never more than the rainflow damage, whatever the instants and the history. The equivalent load of such a
+chain is a norm of differences: convex, which rainflow counting is not. So is that of any mixture of chains.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Swings:
         second = np.concatenate([self.second, other.second])
         weight = np.concatenate([(1.0 - share) * self.weight, share * other.weight])
         (first, second), place = np.unique(np.stack([first, second]), axis=1, return_inverse=True)
-        return Swings(first, second, np.bincount(place.ravel(), weight))
+        return Swings(first, second, np.bincount(place.ravel(), weight).astype(float))
 
 
 def swing_load(reference: Array, time_step: float, swings: Sequence[Swings]) -> Metric:
@@ -114,6 +114,8 @@ def _rainflow(history: Array, time_step: float) -> tuple[float, Array]:
     """Damage-equivalent load of a history (T,) and its slope there."""
     places = _turning_places(history)
     cycles = [(start, end, count) for _, _, count, start, end in rainflow.extract_cycles(history[places])]
+    if places.size == 2:  # the library counts only what turns back
+        cycles = [(0, 1, 0.5)]
     if not cycles:
         return 0.0, np.zeros_like(history)
     starts, ends, counts = (np.array(each) for each in zip(*cycles, strict=True))

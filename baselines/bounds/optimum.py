@@ -24,7 +24,7 @@ REACH = 1.0 - 1e-5
 """Share of the stops that a plan uses: the plant would stop a flap that touches its angle's while it still turns."""
 PRICES = (0.1, 1.0, 1.0)
 """Of the mean square of what is beyond a stop, in shares of it, round by round."""
-ITERATIONS = 70
+ITERATIONS = 45
 """Of L-BFGS-B in a round."""
 MEMORY = 20
 """Of L-BFGS-B: pairs kept."""

@@ -193,12 +193,14 @@ def _marched(values: Array, pushes: Array) -> Array:
 
 def within(motion: Array, actuator: Actuator, interval: float) -> Array:
     """The motion (K, 3) within all stops whose angles are nearest to those of another, squares summed."""
-    weight = np.zeros_like(motion)
-    weight[:, 1] = 1.0
+    # One interval more than there is: what the last command leads to has to be within the stops as well.
+    wanted = np.vstack([motion, np.zeros_like(motion[:1])]) / actuator.limits
+    weight = np.zeros_like(wanted)
+    weight[:-1, 1] = 1.0
     # A flap's curve lies in the hull of its spline's coefficients, and angle + rate h / 2 are those.
     hull = 0.5 * interval if actuator.integrates else 0.0
-    found, _ = solve_chain(actuator, -weight * motion / actuator.limits, weight, hull, REACH)
-    return found * actuator.limits
+    found, _ = solve_chain(actuator, -weight * wanted, weight, hull, REACH)
+    return found[:-1] * actuator.limits
 
 
 def _beyond(shares: Array) -> Array:

@@ -16,7 +16,8 @@ from scipy.optimize import Bounds, minimize
 
 from baselines.bounds.chain import solve_chain
 from baselines.bounds.metrics import Metric
-from baselines.bounds.response import QUANTITIES, Actuator, Response, march
+from baselines.bounds.modes import march
+from baselines.bounds.response import QUANTITIES, Actuator, Response
 from flapgym.core.arrays import BLADES, Array
 from flapgym.plant.actuator import free_motion
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from baselines.bounds.modes import march
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.multiblade import blade_azimuths
 from flapgym.model.turbine_model import TurbineModel
@@ -135,24 +135,3 @@ def _actuator(law: Law, parameters: Parameters, place: int) -> Actuator:
     end = free_motion(p.steps, p.time_step, law, False)[-2:]
     limits = np.array([p.acceleration[place], p.angle_limit[place], p.rate_limit[place]])
     return Actuator(law, limits, end[:, 1:], end[:, 0])
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator]
-def march(real: Array, imaginary: Array, pushes: Array) -> Array:
-    """Modes at the start of every interval, from rest, of what each interval adds to them; real parts first (K, 2 M).
-
-    Parameters
-    ----------
-    real, imaginary : (M,) float
-        Of what an interval leaves of the modes.
-    pushes : (K, 2 M) float
-    """
-    count, half = pushes.shape[0], real.size
-    found = np.empty((count, 2 * half))
-    found[0] = 0.0
-    for k in range(count - 1):
-        for m in range(half):
-            x, y = found[k, m], found[k, half + m]
-            found[k + 1, m] = real[m] * x - imaginary[m] * y + pushes[k, m]
-            found[k + 1, half + m] = real[m] * y + imaginary[m] * x + pushes[k, half + m]
-    return found

@@ -166,7 +166,7 @@ def least_rms(realisation: Realisation) -> Bound:
     where = programme.total(programme.motion(point.variables))
     best = plan(programme, point.variables)
     return Bound(
-        value=least(metric, where, realisation.free, realisation.programme(1).response) - 1.0,
+        value=_change(least(metric, where, realisation.free, realisation.programme(1).response)),
         reached=metric(programme.total(best.motion))[0] - 1.0,
         plan=best,
         point=point,
@@ -209,11 +209,16 @@ def least_fatigue(realisation: Realisation, start: Point, rounds: int = ROUNDS) 
     plans = [plan(programme, each.variables) for each in (best, programme.solve(metric, best, prices=(1.0,)))]
     reached = [metric(programme.total(each.motion))[0] - 1.0 for each in plans]
     return Bound(
-        value=least(swings, moments(point), free, realisation.programme(1).response) - 1.0,
+        value=_change(least(swings, moments(point), free, realisation.programme(1).response)),
         reached=min(reached),
         plan=plans[int(np.argmin(reached))],
         point=best,
     )
+
+
+def _change(lowest: float) -> float:
+    """Of a share of open loop that is proved; no load is less than none, whatever a tangent says."""
+    return max(lowest, 0.0) - 1.0
 
 
 class PlannedMotion:

@@ -56,6 +56,7 @@ class Tuning:
     disk_margin: Annotated[float, Quantity("number", above=0.0, below=2.0)]
     lqg: tuple[LQGCandidate, ...]
     lqg_saturating: tuple[LQGCandidate, ...]
+    lqg_field: tuple[LQGCandidate, ...]
     pd: tuple[PDCandidate, ...]
     pid: tuple[PIDCandidate, ...]
     tilt_yaw: tuple[PIDCandidate, ...]

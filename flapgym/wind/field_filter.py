@@ -19,7 +19,7 @@ import scipy.linalg
 from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.fields import Count, Numbers
 from flapgym.core.state_space import StateSpace
-from flapgym.wind.field import checked_rings, shares_by_decay
+from flapgym.wind.field import checked_rings, harmonic_shares
 from flapgym.wind.shaping_filter import residues, sampled_low_pass
 from flapgym.wind.turbulence import Turbulence
 
@@ -131,17 +131,14 @@ def effective_field(
     turn = rotor_speed / (2.0 * np.pi)
     # Fine about zero, where the spectra of slow eddies have their peak.
     frequencies = np.concatenate([[0.0], np.geomspace(1e-5, WIDEST, 600)])
-    decay = field.decay(frequencies, wind_speed)
     at_a_point = field.spectrum(frequencies, wind_speed) * field.deviation(wind_speed) ** 2
-    spectra = [
-        at_a_point * np.einsum("r,frs,s->f", weights, share(decay), weights)
-        for share in shares_by_decay(field, radii, decay, harmonics)
-    ]
+    shares = harmonic_shares(field, radii, wind_speed, frequencies, harmonics)
+    spectra = at_a_point * np.einsum("r,mfrs,s->mf", weights, shares, weights)
     still = np.zeros(harmonics + 1)
     if steady is not None:
         told = min(len(steady), harmonics + 1)
         still[1:told] = 0.5 * np.abs(steady[1:told] @ weights)
-    return EffectiveField(frequencies, np.array(spectra), still, turn)
+    return EffectiveField(frequencies, spectra, still, turn)
 
 
 def component_filter(field: EffectiveField, time_step: float) -> StateSpace:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning
+from baselines.settings import FieldCandidate, LQGCandidate, PDCandidate, PIDCandidate, Tuning
 from flapgym.control import (
     BladeController,
     DesignModel,
@@ -185,7 +185,8 @@ def _saturating(bench: Bench, name: str, on: DesignModel, candidates: Sequence[L
             def design(weight: float, candidate: LQGCandidate = candidate) -> LinearController:
                 return lqg_agent(name, bench.model, _weights(candidate, weight), on)
 
-            weight = largest_weight(bench, design)
+            highest = candidate.heaviest if isinstance(candidate, FieldCandidate) else 1e4
+            weight = largest_weight(bench, design, highest=highest)
             yield design(weight), asdict(_weights(candidate, weight))
 
     return _least_rms(bench, designs())
@@ -340,4 +341,4 @@ def _tuned(bench: Bench, agent: LinearController, numbers: dict[str, float]) -> 
 
 
 def _weights(candidate: LQGCandidate, rbm: float) -> Weights:
-    return Weights(rbm=rbm, **asdict(candidate))
+    return Weights(rbm, candidate.flap_angle, candidate.acceleration, candidate.measurement_noise)

@@ -72,8 +72,8 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="AGENT",
         default=AGENT_NAMES,
-        help=f"shipped ones ({', '.join(AGENT_NAMES)}), those for a field ({', '.join(FIELD_AGENT_NAMES)}), .json files, "
-        f"{INDIVIDUAL_PITCH} where blades pitch, or {INDIVIDUAL_PITCH}+lqg and so on; default: the first of these",
+        help=f"shipped ones ({', '.join(AGENT_NAMES)}), those for a field ({', '.join(FIELD_AGENT_NAMES)}), "
+        f".json files, {INDIVIDUAL_PITCH} where blades pitch, or {INDIVIDUAL_PITCH}+lqg and so on; default: the first",
     )
     sub.add_argument(
         "--model", default=DEFAULT_MODEL, help="model file, or name of a shipped one; default: %(default)s"

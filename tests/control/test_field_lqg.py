@@ -76,7 +76,8 @@ def test_the_lyapunov_rms_of_the_loop_behind_the_filter_is_that_in_the_drawn_fie
     loop, drive, outputs = design_loop(design, synthesise(design, GENTLE), GENTLE)
     covariance = scipy.linalg.solve_discrete_lyapunov(loop, drive @ drive.T)
     squares = np.diag(outputs @ covariance @ outputs.T).reshape(3, 3) @ design.channels.weight
-    for measured, expected in zip(_means(flown, model).T, squares, strict=True):
+    # Moment and angle. Accelerations are of frequencies above 1 Hz, where the filter ends and the field does not.
+    for measured, expected in zip(_means(flown, model).T[:2], squares[:2], strict=True):
         _assert_within_sampling_error(measured, expected)
 
 

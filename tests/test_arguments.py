@@ -264,6 +264,7 @@ ELSEWHERE = {
         "split",
         "steady_loads",
     ),
+    "tests/control/test_field_lqg.py": ("field_lqg",),
     "tests/control/test_individual_pitch.py": ("individual_pitch_agent", "pitch_margin"),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
     "tests/evaluation/test_metrics.py": (
@@ -279,6 +280,7 @@ ELSEWHERE = {
     "tests/wind/test_box.py": ("mann_box", "read_mann", "read_netcdf", "read_turbsim"),
     "tests/wind/test_extreme_gusts.py": ("gust_components",),
     "tests/wind/test_field.py": ("disk_turbulence",),
+    "tests/wind/test_field_filter.py": ("blade_filter", "component_filter", "effective_field"),
     "tests/wind/test_gusts.py": ("gust_of",),
     "tests/wind/test_turbulence.py": ("turbulence_of",),
 }

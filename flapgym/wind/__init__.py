@@ -5,6 +5,7 @@ from flapgym.wind.box_field import BoxFile
 from flapgym.wind.box_files import read_mann, read_netcdf, read_turbsim
 from flapgym.wind.disk import Disk
 from flapgym.wind.field import disk_turbulence
+from flapgym.wind.field_filter import EffectiveField, blade_filter, component_filter, effective_field
 from flapgym.wind.gusts import Gust, gust_components, gust_of
 from flapgym.wind.inflow import Inflow
 from flapgym.wind.lidar import Lidar
@@ -17,6 +18,7 @@ from flapgym.wind.wind import Wind
 __all__ = [
     "BoxFile",
     "Disk",
+    "EffectiveField",
     "Gust",
     "Inflow",
     "Kaimal",
@@ -24,7 +26,10 @@ __all__ = [
     "VonKarman",
     "Wind",
     "WindBox",
+    "blade_filter",
+    "component_filter",
     "disk_turbulence",
+    "effective_field",
     "gust_components",
     "gust_of",
     "mann_box",

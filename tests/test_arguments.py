@@ -286,6 +286,7 @@ ELSEWHERE = {
 }
 """Functions whose refusals have a test of their own."""
 CHECKED_ALREADY = {
+    "builtin_model_sets", "is_model_set",
     "as_json", "as_markdown", "as_text", "blade_flap_inputs", "flap_inputs", "lqg_agent", "made_for",
     "multiblade_pid_agent", "output_rms", "pd_agent", "pid_agent", "pitch_inputs", "register_environments", "run",
     "simulate_together", "strip_inputs", "synthesise", "white_wind", "write_report",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import html
 import io
 import json
 import os
@@ -16,11 +15,11 @@ import numpy as np
 
 from flapgym.core.atomic import check_target, write_together
 from flapgym.core.wording import number
-from flapgym.evaluation.bootstrap import Estimate
 from flapgym.evaluation.channels import ChannelScore
 from flapgym.evaluation.comparison import Comparison, Score
 from flapgym.evaluation.figure import draw_figure, figure_is_possible
 from flapgym.evaluation.metrics import EQUIVALENT_FREQUENCY, FATIGUE_SLOPE
+from flapgym.evaluation.tables import markdown_table, percent, plain_name, text_table
 
 CHANGES = {
     "rbm_rms_change": "RBM rms",
@@ -117,8 +116,7 @@ def as_csv(comparison: Comparison) -> str:
     """One row an agent, the three numbers of a change in columns of their own."""
     rows = []
     for name, score in comparison.scores.items():
-        # A spreadsheet would compute what begins like a formula.
-        row: dict[str, Any] = {"agent": f"'{name}" if name.startswith(("=", "+", "-", "@")) else name}
+        row: dict[str, Any] = {"agent": plain_name(name)}
         for field, value in asdict(score).items():
             if isinstance(value, dict):
                 row |= {f"{field}_{key}": entry for key, entry in value.items()}
@@ -134,33 +132,18 @@ def as_csv(comparison: Comparison) -> str:
 
 def as_markdown(comparison: Comparison) -> str:
     """The table with its caption and remarks, and that of the channels where they were scored."""
-    lines = [_caption(comparison), "", *_markdown_table(*_cells(comparison)), "", *_remarks(comparison)]
+    lines = [_caption(comparison), "", *markdown_table(*_cells(comparison)), "", *_remarks(comparison)]
     if comparison.channels:
-        lines += ["", *_channels_caption(comparison), "", *_markdown_table(*_channel_cells(comparison))]
+        lines += ["", *_channels_caption(comparison), "", *markdown_table(*_channel_cells(comparison))]
     return "\n".join(lines) + "\n"
 
 
 def as_text(comparison: Comparison) -> str:
     """The same for a terminal."""
-    lines = [_caption(comparison), "", *_text_table(*_cells(comparison)), "", *_remarks(comparison)]
+    lines = [_caption(comparison), "", *text_table(*_cells(comparison)), "", *_remarks(comparison)]
     if comparison.channels:
-        lines += ["", *_channels_caption(comparison), "", *_text_table(*_channel_cells(comparison))]
+        lines += ["", *_channels_caption(comparison), "", *text_table(*_channel_cells(comparison))]
     return "\n".join(lines)
-
-
-def _markdown_table(header: list[str], rows: list[list[str]]) -> list[str]:
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return lines + [
-        "| " + " | ".join(html.escape(cell).replace("|", "\\|") for cell in row) + " |" for row in rows
-    ]
-
-
-def _text_table(header: list[str], rows: list[list[str]]) -> list[str]:
-    table = [header, *rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in table]
-    lines.insert(1, "  ".join("-" * width for width in widths))
-    return [line.rstrip() for line in lines]
 
 
 def _cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
@@ -206,10 +189,10 @@ def _load_cells(score: ChannelScore, place: int) -> list[str]:
     at = score.slopes[place]
     return [
         _with_unit(score.rms, score.unit),
-        _percent(score.rms_change),
+        percent(score.rms_change),
         _with_unit(at.equivalent_load, score.unit),
-        _percent(at.change),
-        _percent(at.summed_change),
+        percent(at.change),
+        percent(at.summed_change),
     ]
 
 
@@ -221,20 +204,12 @@ def _with_unit(value: float, unit: str) -> str:
 
 def _row(name: str, score: Score) -> list[str]:
     cells = [name if score.made_for_this_model else f"{name} *"]
-    cells += [_percent(getattr(score, field)) for field in CHANGES]
+    cells += [percent(getattr(score, field)) for field in CHANGES]
     cells += [f"{value / 1e6:.3f}" for value in (score.rbm_rms, score.rbm_del)]
     cells += [
         f"{np.rad2deg(value):.2f}" for value in (score.flap_angle_max, score.flap_rate_max, score.flap_travel)
     ]
     return cells
-
-
-def _percent(change: Estimate) -> str:
-    if change.low is None or change.high is None:
-        return f"{100 * change.mean:+.1f}"
-    if change.low == change.high == change.mean == 0.0:
-        return "0"
-    return f"{100 * change.mean:+.1f} [{100 * change.low:+.1f}, {100 * change.high:+.1f}]"
 
 
 def _caption(comparison: Comparison) -> str:

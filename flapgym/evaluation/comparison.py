@@ -187,10 +187,10 @@ def plan(
     if duration is None:
         duration = PAPER_LENGTH * model.length_scale / model.wind_speed
     seeds = range(seed, seed + realisations)
-    contestants = _contestants(agents, model)
-    for agent in contestants:
+    ready = contestants(agents, model)
+    for agent in ready:
         check_pitch(agent, bool(settings.get("pitch")))
-    return Plan(contestants, model, seeds, duration, channels, environment, settings)
+    return Plan(ready, model, seeds, duration, channels, environment, settings)
 
 
 def _settings_of(environment: str) -> dict[str, Any]:
@@ -253,7 +253,7 @@ _PARTS = ("name", "observe", "steps_per_action", "model_hash", "predict")
 """What an agent has."""
 
 
-def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
+def contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
     """Agents ready to run, open loop first; two of one name would share a row."""
     if not isinstance(agents, Sequence) or isinstance(agents, str | bytes):
         raise ValueError(

@@ -17,6 +17,7 @@ from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Count, Numbers, Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
+from flapgym.evaluation import cycles
 from flapgym.evaluation.bank import LinearBank, same_kind
 from flapgym.evaluation.metrics import Record
 from flapgym.model.turbine_model import TurbineModel
@@ -46,6 +47,7 @@ def simulate_together(
     seeds: Sequence[int],
     duration: float,
     advanced: Advanced = lambda samples: None,
+    lasting: float | None = None,
     **settings: Any,
 ) -> list[Record]:
     """The records of all agents on one realisation per seed, from calm flaps.
@@ -65,6 +67,9 @@ def simulate_together(
         Length of each [s]; a record keeps round(duration / dt) samples.
     advanced : callable
         For a progress bar.
+    lasting : float, optional
+        Length of the episodes in a field [s], by default the `episode_length` of these agents: that of more agents, so
+        that some of them meet the same wind.
     **settings
         Further keywords of the environment, as `sensors`; turbulence is the model's own unless given.
     """
@@ -75,17 +80,10 @@ def simulate_together(
         check_fit(agent, model)
         check_pitch(agent, bool(settings.get("pitch")))
     records: dict[int, Record] = {}
-    # Flaps at rest are the same at any interval: they go along with whoever holds actions longest.
-    others = [agent.steps_per_action for agent in agents if type(agent) is not OpenLoop]
-    intervals = [
-        max(others) if others and type(agent) is OpenLoop else agent.steps_per_action for agent in agents
-    ]
-    # A field that lasts longer is another one: all agents take one length, of whole actions of each of them.
     wind = settings.get("wind")
     in_field = (wind.get("field") if isinstance(wind, Mapping) else getattr(wind, "field", None)) is not None
-    common = math.lcm(*intervals)
-    least = math.ceil(duration / model.time_step + max(intervals) - 1e-9)
-    alike = -(-least // common) * common * model.time_step
+    intervals = _intervals(agents)
+    alike = episode_length(agents, model, duration) if lasting is None else lasting
     for steps in dict.fromkeys(intervals):
         group = [index for index, interval in enumerate(intervals) if interval == steps]
         found = _simulate_group(
@@ -102,9 +100,27 @@ def simulate_together(
     return [records[index] for index in range(len(agents))]
 
 
+def episode_length(agents: Sequence[Agent], model: TurbineModel, duration: float) -> float:
+    """Length of the episodes in which agents go through so much of a field together [s].
+
+    A field that lasts longer is another one: all agents take one length, of whole actions of each of them.
+    """
+    intervals = _intervals(agents)
+    common = math.lcm(*intervals)
+    least = math.ceil(duration / model.time_step + max(intervals) - 1e-9)
+    return -(-least // common) * common * model.time_step
+
+
+def _intervals(agents: Sequence[Agent]) -> list[int]:
+    """Plant steps for which each agent's actions are held; flaps at rest go along with whoever holds longest."""
+    others = [agent.steps_per_action for agent in agents if type(agent) is not OpenLoop]
+    return [max(others) if others and type(agent) is OpenLoop else agent.steps_per_action for agent in agents]
+
+
 def get_ready(model: TurbineModel) -> None:
     """Wait now for code that has to be compiled, which says so in a line of its own, and not under a progress bar."""
     FlapVectorEnv(model=model).close()
+    cycles.get_ready()
 
 
 def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **settings: Any) -> Array:

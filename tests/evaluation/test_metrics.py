@@ -67,7 +67,9 @@ def test_cycles_of_rough_loads_are_those_of_an_independent_count_and_compiled_co
     np.testing.assert_array_equal([ranges[:found], counts[:found]], rainflow_cycles(load))
 
 
-@pytest.mark.parametrize("load, cycles", [([3.0], []), ([3.0, 3.0], []), ([1.0, 1.0, 2.0, 5.0], [(4.0, 0.5)])])
+@pytest.mark.parametrize(
+    "load, cycles", [([3.0], []), ([3.0, 3.0], []), ([1.0, 1.0, 2.0, 5.0], [(4.0, 0.5)])]
+)
 def test_what_never_turns_is_half_a_cycle_or_none(load, cycles):
     assert list(zip(*rainflow_cycles(np.array(load)), strict=True)) == cycles
 

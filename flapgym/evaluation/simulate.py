@@ -212,9 +212,8 @@ def _simulate_group(
     agents = [agents[index] for index in order]
     players = _players(agents, environment.observed, model, seeds, kept, settings)
     observation, first = environment.reset(seed=list(seeds) * len(agents))
-    series = dict[str, Array]()
-    own_samples = (*_SAMPLES, "pitch_angle") if settings.get("pitch") else _SAMPLES
-    further = tuple(name for name in (*model.blade_outputs, *model.fixed_outputs) if name not in _SAMPLES)
+    columns = environment.sampled
+    series = np.empty(0)
     for done in range(0, kept, steps):
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
             actions = np.zeros(shape, dtype=np.float32)  # who does not pitch leaves it where it is
@@ -227,28 +226,30 @@ def _simulate_group(
                 f"agent {name}: gave an action that is not finite after {done * model.time_step:.2f} s; "
                 "its own state or its layers overflow"
             )
-        observation, _, terminated, truncated, info = environment.step(actions)
+        observation, samples = environment.advance(actions)
+        if not np.isfinite(observation).all():
+            name = agents[int(np.argmin(np.isfinite(observation).all(axis=1))) // len(seeds)].name
+            raise RuntimeError(
+                f"agent {name}: loads are not finite after {(done + steps) * model.time_step:.2f} s"
+            )
+        if not done:
+            # Time first: a step then writes one piece of memory, and not one a turbine far from each other.
+            series = np.empty((kept, *samples.shape[::2]))
         new = min(steps, kept - done)
-        for name in (*own_samples, *further):
-            samples = info["samples"][name].swapaxes(0, 1)
-            if not done:
-                # Time first: a step then writes one piece of memory, and not one a turbine far from each other.
-                series[name] = np.empty((kept, *samples.shape[1:]))
-            series[name][done : done + new] = samples[:new]
-        ended = terminated | truncated
+        series[done : done + new] = samples.swapaxes(0, 1)[:new]
         advanced(environment.num_envs * new)
-        if done + steps < kept and ended.any():
-            name = agents[int(np.argmax(ended)) // len(seeds)].name
-            raise RuntimeError(f"agent {name}: the episode ended after {done + steps} of {kept} samples")
     environment.close()
+    own_samples = (*_SAMPLES, "pitch_angle") if settings.get("pitch") else _SAMPLES
+    further = tuple(name for name in (*model.blade_outputs, *model.fixed_outputs) if name not in _SAMPLES)
     records = list[Record]()
     for place in np.argsort(order):
         rows = slice(place * len(seeds), (place + 1) * len(seeds))
-        own = {
-            name: np.ascontiguousarray(np.swapaxes(values[:, rows], 0, 1)) for name, values in series.items()
-        }
-        more = {name: own.pop(name) for name in further}
-        records.append(Record(**own, azimuth=first["azimuth"][rows], time_step=model.time_step, further=more))
+        mine = np.ascontiguousarray(series[:, rows].swapaxes(0, 1))
+        told = {name: mine.take(columns[name], axis=2) for name in (*own_samples, *further)}
+        more = {name: told.pop(name) for name in further}
+        records.append(
+            Record(**told, azimuth=first["azimuth"][rows], time_step=model.time_step, further=more)
+        )
     return records
 
 

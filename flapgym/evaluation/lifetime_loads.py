@@ -11,7 +11,7 @@ import numpy as np
 
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Choice, Numbers, Quantity
-from flapgym.core.wording import shown
+from flapgym.core.wording import number, shown
 from flapgym.evaluation.bootstrap import CONFIDENCE, RESAMPLES, Estimate
 from flapgym.wind.iec import REFERENCE_SPEEDS
 
@@ -20,7 +20,7 @@ WEIBULL_SHAPE = 2.0
 MEAN_SHARE = 0.2
 """Of the reference wind speed of a turbine class, its yearly mean (the same, equation 9)."""
 SINGLE_HALF_WIDTH = 1.0
-"""Of the bin of a wind speed that stands alone [m/s]: bins of 2 m/s are fine enough (the same, 7.4.1)."""
+"""Of the bin of a wind speed that stands alone [m/s]: bins of 2 m/s are fine enough (the same, 7.4)."""
 YEAR = 365.25 * 86_400.0
 """[s]"""
 
@@ -151,12 +151,14 @@ def lifetime_change(
     Raises
     ------
     ValueError
-        As `lifetime_load`, and if the loads are no pairs.
+        As `lifetime_load`, and if the loads are no pairs, or there is nothing to compare them with.
     """
     ours, theirs = (lifetime_load(each, probabilities, slope) for each in (loads, reference))
     if [np.shape(each) for each in loads] != [np.shape(each) for each in reference]:
         raise ValueError("lifetime_change.reference: expected the shapes of the loads, got others")
-    mean = 0.0 if ours == theirs else ours / theirs - 1.0 if theirs else math.inf
+    if ours > 0.0 and theirs == 0.0:
+        raise ValueError(f"lifetime_change.reference: expected a positive load beside {number(ours)}, got 0")
+    mean = 0.0 if ours == theirs else ours / theirs - 1.0
     if max(len(each) for each in loads) == 1:
         return Estimate(mean, None, None)
     if all(np.array_equal(one, other) for one, other in zip(loads, reference, strict=True)):

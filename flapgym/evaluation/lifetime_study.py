@@ -60,7 +60,7 @@ MOST_SEEDS = 40
 LONGEST_LIFE = 100.0
 """[years]"""
 TOGETHER = 20_000.0
-"""Seconds of wind simulated side by side, all agents counted: about 1.3 GB of samples and responses."""
+"""Seconds of wind simulated side by side, all agents counted: about 1.5 GB of samples and responses."""
 COLLECTIVE_PITCH = "collective_pitch"
 """Output of a model with a loop for the rotor's speed [rad]."""
 

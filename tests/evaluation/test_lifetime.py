@@ -353,6 +353,18 @@ def test_the_command_writes_its_table_and_takes_up_what_it_found(run, tmp_path):
     assert (code, "Taken up from an earlier run" in out, "25 years" in out) == (0, True, True), err
 
 
+def test_an_interrupt_says_that_what_is_found_is_kept(run, monkeypatch):
+    def interrupted(*arguments, **keywords):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "run_lifetime", interrupted)
+    code, out, err = run("lifetime", "--models", "set.safetensors", "--agents", "open_loop")
+    assert (code, out) == (130, "")
+    assert err == (
+        "flapgym lifetime: interrupted; finished wind speeds are kept, and the next run takes them up\n"
+    )
+
+
 @pytest.mark.parametrize(
     "arguments, parts",
     [

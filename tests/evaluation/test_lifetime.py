@@ -13,6 +13,7 @@ from scipy.io import netcdf_file
 
 from flapgym import cli
 from flapgym.control import OpenLoop, PDGains, pd_agent, save_agent
+from flapgym.control.scheduled import ScheduledAgent
 from flapgym.evaluation import (
     class_mean,
     damage_equivalent_load,
@@ -251,6 +252,27 @@ def test_agents_say_what_they_were_designed_for(study):
     assert study[0].designed == {"open_loop": "any", "pd": "11 m/s", "individual_pitch": "each speed"}
 
 
+def test_a_gain_scheduled_agent_is_in_each_wind_the_one_that_it_takes_there():
+    weak = pd_agent("weak", MODEL, PDGains(2e-8, 0.1, 0.1, 9.0, 0.8))
+    planned = plan_lifetime([ScheduledAgent("scheduled", (11.0, 15.0), (PD, weak))], MODELS, **SHORT)
+    there = [each[1] for each in planned.agents]
+    assert [agent.name for agent in there] == ["scheduled", "scheduled"]
+    assert [agent.system for agent in there] == [PD.system, weak.system]
+
+
+class _Named(OpenLoop):
+    """Not to be named anew."""
+
+    def __init__(self, name):
+        self.name = name
+
+
+def test_agents_of_other_names_in_each_wind_are_refused():
+    scheduled = ScheduledAgent("both", (11.0, 15.0), (_Named("slow"), _Named("fast")))
+    with pytest.raises(ValueError, match="agents: expected the same names at every wind speed, got .* and"):
+        plan_lifetime([scheduled], MODELS, **SHORT)
+
+
 def test_files_say_what_the_data_say(study):
     life, folder = study
     document = json.loads((folder / "lifetime.json").read_text())
@@ -270,6 +292,12 @@ def test_the_table_says_what_is_left_out(study):
     assert re.search(r"wind below 9 and above 17 m/s, 62\.9% of the life", text)
     assert "Without gravity" in text
     assert "hinge moment of the air is not in the model" in text
+
+
+def test_only_models_that_hold_the_speed_are_said_to_overstate_slow_loads(study):
+    life, _ = study
+    assert "The rotor's speed is held" in lifetime_markdown(life)
+    assert "The rotor's speed is held" not in lifetime_markdown(replace(life, speed_loop=True))
 
 
 def test_an_agent_added_later_meets_the_same_wind_and_the_others_are_taken_up(study):
@@ -341,6 +369,13 @@ def test_series_are_written_with_units_and_hold_the_record(tmp_path):
         assert file.variables["rbm"].typecode() == "f"
         assert (list(file.variables["realisation"][:]), file.agent) == ([7], b"open_loop")
         assert file.variables["time"][0] == MODEL.time_step
+
+
+def test_series_with_seeds_beyond_their_files_are_refused_before_any_work(tmp_path):
+    folder = tmp_path / "series"
+    with pytest.raises(ValueError, match="save_series: expected seeds up to 2147483647, got 2147483688"):
+        plan_lifetime([OpenLoop()], MODELS, seeds=1, seed=2**31, save_series=folder)
+    assert not folder.exists()
 
 
 # What is refused.

@@ -79,8 +79,10 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
 
     A plain name means the agent of the set made for the model, or of the first set where none is; "nrel5mw-rated/lqg"
     names one of a set whatever the model. "individual_pitch" is made for the model by its rule, and
-    moves the blades' pitch alone; "individual_pitch+lqg" does so beside what moves the flaps. "individual_pitch_2p"
-    also takes off what comes twice a turn. An agent made for another model is returned all the same; `made_for` tells.
+    moves the blades' pitch alone; "individual_pitch+lqg" does so beside what moves the flaps. An agent made for another
+    model is returned all the same; `made_for` tells.
+
+    "individual_pitch_2p" goes as "individual_pitch" does, and takes off what comes twice a turn, too.
 
     Raises
     ------

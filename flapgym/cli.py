@@ -22,7 +22,7 @@ from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
 from flapgym.aeroelastic.operating import operating_case
-from flapgym.control import AGENT_NAMES, FIELD_AGENT_NAMES, INDIVIDUAL_PITCH
+from flapgym.control import AGENT_NAMES, FIELD_AGENT_NAMES, INDIVIDUAL_PITCH, INDIVIDUAL_PITCH_2P
 from flapgym.core import program
 from flapgym.core.atomic import check_target
 from flapgym.core.program import Work, real, whole
@@ -101,7 +101,8 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         metavar="AGENT",
         default=AGENT_NAMES,
         help=f"shipped ones ({', '.join(AGENT_NAMES)}), those for a field ({', '.join(FIELD_AGENT_NAMES)}), "
-        f".json files, {INDIVIDUAL_PITCH} where blades pitch, or {INDIVIDUAL_PITCH}+lqg and so on; default: the first",
+        f".json files, {INDIVIDUAL_PITCH} or {INDIVIDUAL_PITCH_2P} where blades pitch, either with +lqg and so on "
+        "behind it; default: the first",
     )
     sub.add_argument(
         "--model",

@@ -16,6 +16,7 @@ from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn,
 from flapgym.control.field_lqg import field_lqg
 from flapgym.control.individual_pitch import (
     INDIVIDUAL_PITCH,
+    INDIVIDUAL_PITCH_2P,
     IndividualPitch,
     individual_pitch_agent,
     pitch_margin,
@@ -34,6 +35,7 @@ __all__ = [
     "FIELD_AGENT_NAMES",
     "FIELD_AGENT_SETS",
     "INDIVIDUAL_PITCH",
+    "INDIVIDUAL_PITCH_2P",
     "Agent",
     "BladeController",
     "DesignModel",

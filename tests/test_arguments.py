@@ -264,7 +264,7 @@ ELSEWHERE = {
         "split",
         "steady_loads",
     ),
-    "tests/control/test_field_lqg.py": ("field_lqg",),
+    "tests/control/test_field_lqg.py": ("field_design", "field_lqg"),
     "tests/control/test_individual_pitch.py": ("individual_pitch_agent", "pitch_margin"),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
     "tests/evaluation/test_lifetime.py": (

@@ -13,7 +13,7 @@ from flapgym.control.agent_files import (
 )
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
-from flapgym.control.field_lqg import field_lqg
+from flapgym.control.field_lqg import field_design, field_lqg
 from flapgym.control.individual_pitch import (
     INDIVIDUAL_PITCH,
     INDIVIDUAL_PITCH_2P,
@@ -52,6 +52,7 @@ __all__ = [
     "agent_design",
     "closed_loop",
     "design_model",
+    "field_design",
     "field_lqg",
     "growth_per_turn",
     "individual_pitch_agent",

@@ -28,6 +28,7 @@ from flapgym.control.pid import PIDGains, multiblade_pid_agent, pid_agent
 from flapgym.control.policy import Policy
 from flapgym.control.preview import LidarLQG
 from flapgym.control.rotor_controller import RotorController
+from flapgym.control.scheduled import ScheduledAgent, scheduled_agent
 
 __all__ = [
     "AGENT_NAMES",
@@ -47,6 +48,7 @@ __all__ = [
     "Policy",
     "PredictiveController",
     "RotorController",
+    "ScheduledAgent",
     "Stability",
     "Weights",
     "agent_design",
@@ -64,6 +66,7 @@ __all__ = [
     "pid_agent",
     "pitch_margin",
     "save_agent",
+    "scheduled_agent",
     "stability",
     "stationary_rms",
     "synthesise",

@@ -24,8 +24,8 @@ class Registered:
         Keywords that differ from the defaults of its class.
     manual : str
         What its page says in place of the manual of its class, which holds for all else.
-    entry_point, vector_entry_point : str or None
-        Of its classes; without one of its own for vectors Gymnasium puts single ones side by side.
+    entry_point, vector_entry_point : str
+        Of its classes.
     agents : str
         The set of shipped agents made for its turbine: a folder of `flapgym/control/agents`; empty if there is none.
     """
@@ -35,7 +35,7 @@ class Registered:
     keywords: Mapping[str, Any] = field(default_factory=dict)
     manual: str = ""
     entry_point: str = "flapgym.envs.single:FlapEnv"
-    vector_entry_point: str | None = "flapgym.envs.vector:FlapVectorEnv"
+    vector_entry_point: str = "flapgym.envs.vector:FlapVectorEnv"
     agents: str = "nrel5mw-corrected"
 
 
@@ -166,7 +166,7 @@ _RANGE = Registered(
     "environments side by side.",
     {"model": "nrel5mw-range", **_SITE},
     entry_point="flapgym.envs.operating_range:FlapRangeEnv",
-    vector_entry_point=None,
+    vector_entry_point="flapgym.envs.range_vector:FlapRangeVectorEnv",
     agents="",
 )
 ENVIRONMENTS = (

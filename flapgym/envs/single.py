@@ -473,7 +473,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Angle and rate of every flap, (blades F,) each [rad, rad/s]."""
         if self._compiled is not None:
             self._compiled.store()
-        angle, rate = self._turbines.plant.flap_motion()
+        angle, rate = self._turbines.flap_motion()
         return angle[0].copy(), rate[0].copy()
 
     def _load(self) -> None:

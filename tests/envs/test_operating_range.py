@@ -13,6 +13,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from flapgym.envs import FlapEnv, FlapRangeEnv, FlapRangeVectorEnv, FlapVectorEnv
 from flapgym.model import ModelSet, load_model_set, save_model_set
+from flapgym.plant.field_response import _synthesis
+from flapgym.plant.parameters import _kernel
+from flapgym.wind.upwind import upwind_turbulence
 from flapgym.wrappers.single import TargetAngle
 from flapgym.wrappers.vector import VectorTargetAngle
 from tests.envs.test_vector import KEYWORDS, _assert_same
@@ -277,6 +280,12 @@ def test_shipped_set_observes_its_mean_wind_and_speeds_up_with_it():
         still = {"wind_speed": speed, "turbulence_intensity": 0.0}
         observation, _ = env.reset(seed=1, options=still)
         assert observation == pytest.approx([speed])
+
+
+@pytest.mark.parametrize("kept", [_synthesis, _kernel, upwind_turbulence])
+def test_what_takes_long_is_kept_for_every_wind_speed_of_the_shipped_set(kept):
+    """With fewer places than wind speeds each reset would take a second."""
+    assert kept.cache_info().maxsize > len(load_model_set("nrel5mw-range"))
 
 
 def test_speed_is_no_observation_of_a_turbine_that_keeps_it():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import heapq
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +22,7 @@ from flapgym.envs.turbines import Episode, Info, Origin, Turbines, check_made_by
 from flapgym.envs.wind_speeds import among, drawn_speed, widest
 from flapgym.model.model_set import ModelSet
 from flapgym.model.turbine_model import TurbineModel
+from flapgym.plant import Loads
 
 
 class Place(NamedTuple):
@@ -70,6 +71,7 @@ class RangeTurbines:
             # The faster the wind, the sooner what a lidar sees has passed: refused here, and not at some later reset.
             self._block(wind_speeds[-1], 0)
         self.stepping, self.quantities = self._first.stepping, self._first.quantities
+        self.sampled = self._first.sampled
         self.observed, self.action_space = self._first.observed, self._first.action_space
         self.action_time = self._first.action_time
         self.observation_space = widest(models, wind_speeds, settings, self.observed)
@@ -185,13 +187,9 @@ class RangeTurbines:
 
     def step(self, actions: ArrayLike) -> tuple[np.ndarray, Array, BoolArray, BoolArray, Info]:
         """As `Turbines.step`."""
-        values = numbers(actions, self._actions)
-        refuse_not_finite(values, blades=self.quantities.blades, flaps=self.quantities.flaps)
         whole: Info = {}
-        for at, (turbines, slots) in self._flying.items():
-            own = np.zeros((self._size, values.shape[1]), dtype=values.dtype)
-            own[slots] = values[turbines]
-            observation, reward, terminated, truncated, info = self._block(*at).step(own)
+        for block, turbines, slots, own in self._blocks_given(actions):
+            observation, reward, terminated, truncated, info = block.step(own)
             part = {
                 "observation": observation,
                 "reward": reward,
@@ -203,6 +201,31 @@ class RangeTurbines:
         info = whole["info"]
         info["wind_speed"] = np.array([place.wind_speed for place in self._places if place is not None])
         return whole["observation"], whole["reward"], whole["terminated"], whole["truncated"], info
+
+    def advance(self, actions: ArrayLike) -> tuple[np.ndarray, Loads]:
+        """As `Turbines.advance`."""
+        whole: Info = {}
+        for block, turbines, slots, own in self._blocks_given(actions):
+            observation, loads = block.advance(own)
+            _spread(whole, {"observation": observation, **loads._asdict()}, turbines, slots, self.count)
+        return whole.pop("observation"), Loads(**whole)
+
+    def _blocks_given(self, actions: ArrayLike) -> Iterator[tuple[Turbines, IntArray, IntArray, Array]]:
+        """Each block in which turbines fly: which, their slots, and what all of its slots are to do."""
+        values = numbers(actions, self._actions)
+        refuse_not_finite(values, blades=self.quantities.blades, flaps=self.quantities.flaps)
+        for at, (turbines, slots) in self._flying.items():
+            own = np.zeros((self._size, values.shape[1]), dtype=values.dtype)
+            own[slots] = values[turbines]
+            yield self._block(*at), turbines, slots, own
+
+    @property
+    def over(self) -> BoolArray:
+        """As `Turbines.over`; true where no episode has begun."""
+        over = np.ones(self.count, dtype=bool)
+        for at, (turbines, slots) in self._flying.items():
+            over[turbines] = self._block(*at).over[slots]
+        return over
 
     def wind_over_disk(self, turbine: int) -> EpisodeWind | None:
         """As `Turbines.wind_over_disk`."""

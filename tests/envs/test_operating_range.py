@@ -170,6 +170,24 @@ def test_each_of_many_takes_its_wind_speed_and_intensity(models):
         np.testing.assert_allclose(observation[row], alone.reset(seed=3 + row)[0], rtol=1e-6, atol=1e-7)
 
 
+def test_advancing_without_reward_gives_the_observations_and_samples_of_step(models):
+    stepped, advanced = (
+        FlapRangeVectorEnv(5, "Disabled", model=models, duration=0.2, record_samples=True) for _ in range(2)
+    )
+    np.testing.assert_array_equal(stepped.reset(seed=4)[0], advanced.reset(seed=4)[0])
+    rng, ended = np.random.default_rng(0), False
+    while not ended:
+        actions = rng.uniform(-1, 1, (5, 3))
+        observation, _, _, truncated, info = stepped.step(actions)
+        seen, samples = advanced.advance(actions)
+        np.testing.assert_array_equal(seen, observation)
+        for name, columns in advanced.sampled.items():
+            np.testing.assert_array_equal(samples.take(columns, axis=2), info["samples"][name])
+        ended = bool(truncated.all())
+    with pytest.raises(ResetNeeded, match="advance: call reset"):
+        advanced.advance(np.zeros((5, 3)))
+
+
 def test_a_reset_of_some_leaves_the_others_where_they_are(models):
     env, other = (FlapRangeVectorEnv(4, "Disabled", model=models, duration=0.7) for _ in range(2))
     for each in (env, other):

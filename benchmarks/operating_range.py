@@ -92,7 +92,12 @@ def at_the_site() -> dict[str, Any]:
 
 
 def speed_pole(model: TurbineModel) -> complex:
-    """The least damped oscillation that the rotor's speed and the wind have most of, below blades and tower [rad/s]."""
+    """The oscillation that the rotor's speed has most of, below blades and tower [rad/s]; NaN below rated.
+
+    There pitch rests, and the speed's own pole does not oscillate.
+    """
+    if case_of(model).operating_point.pitch <= 0.0:
+        return complex("nan")
     poles, shapes = np.linalg.eig(model.turbine.A)
     rates = np.log(poles.astype(complex)) / model.time_step
     row = model.turbine.C[model.turbine.outputs.index("rotor_speed")] @ shapes
@@ -232,7 +237,7 @@ def tables(points: Sequence[Point]) -> dict[str, str]:
 
 
 def _page(options: argparse.Namespace) -> Work:
-    page = options.page.read_text()
+    options.page.read_text()  # refused now, if it is not there
     models = load_model_set(options.models)
 
     def work() -> int:
@@ -240,7 +245,8 @@ def _page(options: argparse.Namespace) -> Work:
         for model in models:
             points.append(point_of(model))
             print(f"{number(model.wind_speed)} m/s", file=sys.stderr)
-        filled = fill(page, tables(points) | {"beside": beside_prescribed(models)})
+        # Read last: what was written meanwhile stays.
+        filled = fill(options.page.read_text(), tables(points) | {"beside": beside_prescribed(models)})
         write_atomically(options.page, filled.encode())
         return 0
 

@@ -126,23 +126,12 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         after[:] = 0.0
         add_inputs(matrix, above, inputs, most, after)
         leave(matrix[0], modes, after)
+        for row in range(s.rows):
+            rows[row] += wind[row] * level
         # No samples are wanted, so any array will do.
+        angle += clock[0]
         angle_square = tell(
-            s,
-            ONE,
-            START,
-            clock,
-            azimuth,
-            elapsed,
-            heading,
-            motion,
-            work,
-            rows,
-            wind,
-            level,
-            told,
-            squares,
-            feed,
+            s, ONE, START, clock, angle, heading, motion, work, rows, wind, level, told, squares, feed
         )
         own[begun_at] = elapsed + 1.0
         # Past the end of an episode there is no more noise.

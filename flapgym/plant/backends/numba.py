@@ -71,8 +71,8 @@ def move(s, n, time_step, table, actions, motion, work):  # type: ignore[no-unty
     s : Sizes
     n : int
     time_step : float
-    table : (8 blades A,) float
-        `Parameters.actuators`, flat.
+    table : (8 blades A n,) float
+        `Parameters.actuators`, each entry n times.
     actions : (n blades A,) float
     motion : (MOTION blades A n,) float
         Of every actuator, turbines innermost; changed.
@@ -80,34 +80,32 @@ def move(s, n, time_step, table, actions, motion, work):  # type: ignore[no-unty
         Filled alike: command; step by step the rate gained and the jumps and, if they are recorded, angle and rate.
     """
     count, k = actuators(s), s.steps
-    m = count * n
+    m, jumped = count * n, 0.0
     for i in range(count):
         for t in range(n):
-            work[i * n + t] = min(max(float(actions[t * count + i]), -1.0), 1.0) * table[2 * count + i]
-            motion[4 * m + i * n + t], motion[5 * m + i * n + t] = 0.0, 0.0
-    jumped = 0.0
-    row, lag, way = np.uint64(m), np.uint64(2 * m), np.uint64(3 * m)
-    squares, stops = np.uint64(4 * m), np.uint64(5 * m)
+            work[i * n + t] = min(max(float(actions[t * count + i]), -1.0), 1.0) * table[2 * m + i * n + t]
+    for t in range(m):
+        motion[4 * m + t], motion[5 * m + t] = 0.0, 0.0
+    # Unsigned: of a place that could be negative numba asks each time, and no vectors are made of the loop.
+    all_of = np.uint64(m)
+    row, lag, way = all_of, 2 * all_of, 3 * all_of
+    squares, stops = 4 * all_of, 5 * all_of
+    decays, gains, stiff, damped = 4 * all_of, 5 * all_of, 6 * all_of, 7 * all_of
     # Steps of one flap wait for one another, those of several flaps run side by side.
     for j in range(k):
-        for i in range(count):
-            top_angle, top_rate = table[i], table[count + i]
-            decay, gain = table[4 * count + i], table[5 * count + i]
-            stiffness, damping = table[6 * count + i], table[7 * count + i]
-            # Unsigned: of a place that could be negative numba asks each time, and no vectors are made of the loop.
-            at, gained, leaps = np.uint64(i * n), np.uint64((1 + j) * m), np.uint64((1 + k + j) * m)
-            for turbine in range(np.uint64(n)):
-                t = at + turbine
-                angle, rate, lagged, held = motion[t], motion[row + t], motion[lag + t], work[t]
-                acting = held + gain * (lagged - held) - (stiffness * angle + damping * rate)
-                moved, after, jump, hit = flap_step(angle, rate, acting, time_step, top_angle, top_rate)
-                motion[t], motion[row + t] = moved, after
-                motion[lag + t] = held + decay * (lagged - held)
-                motion[way + t] += abs(moved - angle)
-                motion[squares + t] += (moved / top_angle) ** 2
-                motion[stops + t] = max(motion[stops + t], 1.0 * hit)
-                work[gained + t], work[leaps + t] = after - rate, jump
-                jumped += abs(jump)
+        gained, leaps = np.uint64((1 + j) * m), np.uint64((1 + k + j) * m)
+        for t in range(all_of):
+            angle, rate, lagged, held = motion[t], motion[row + t], motion[lag + t], work[t]
+            acting = held + table[gains + t] * (lagged - held)
+            acting -= table[stiff + t] * angle + table[damped + t] * rate
+            moved, after, jump, hit = flap_step(angle, rate, acting, time_step, table[t], table[row + t])
+            motion[t], motion[row + t] = moved, after
+            motion[lag + t] = held + table[decays + t] * (lagged - held)
+            motion[way + t] += abs(moved - angle)
+            motion[squares + t] += (moved / table[t]) ** 2
+            motion[stops + t] = max(motion[stops + t], 1.0 * hit)
+            work[gained + t], work[leaps + t] = after - rate, jump
+            jumped += abs(jump)
         for t in range(m * s.record):
             work[(1 + 2 * k + j) * m + t], work[(1 + 3 * k + j) * m + t] = motion[t], motion[m + t]
     met = 0.0
@@ -122,17 +120,18 @@ def components(s, n, table, values, first, heading, inputs, width, place):  # ty
 
     Three each. What turns with blade 1 (along), and across it, is turned back by heading (2 n,), cosines before sines.
     """
-    effect = 3 * actuators(s)
+    effect = 3 * actuators(s) * n
     for f in range(s.flaps + s.pitch):
         # Flaps come blade by blade, pitch behind them.
         own, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
         at = first + own * n
         for t in range(n):
-            one, mean, along, across = values[at + t] * table[effect + own], 0.0, 0.0, 0.0
+            one, mean, along, across = values[at + t] * table[effect + own * n + t], 0.0, 0.0, 0.0
             mean = one
             if s.blades == BLADES:
-                two = values[at + next_blade * n + t] * table[effect + own + next_blade]
-                three = values[at + 2 * next_blade * n + t] * table[effect + own + 2 * next_blade]
+                second, third = (own + next_blade) * n + t, (own + 2 * next_blade) * n + t
+                two = values[first + second] * table[effect + second]
+                three = values[first + third] * table[effect + third]
                 mean = THIRD * (one + two + three)
                 along = 2.0 * THIRD * (one + C1 * (two + three))
                 across = 2.0 * THIRD * (S1 * (three - two))
@@ -174,15 +173,13 @@ def leave(decay, modes, after):  # type: ignore[no-untyped-def]
     What flaps at rest leave in the modes would decay to denormal numbers, which take ten times as long.
     """
     nothing, half = after.dtype.type(0.0), decay.size // 2
-    real, imaginary = decay[:half], decay[half:]
     for at in range(0, modes.size, 2 * half):
-        along, across = modes[at : at + half], modes[at + half : at + 2 * half]
-        up, beside = after[at : at + half], after[at + half : at + 2 * half]
+        own, other = modes[at : at + 2 * half], after[at : at + 2 * half]
         for m in range(half):
-            first = up[m] + real[m] * along[m] - imaginary[m] * across[m]
-            second = beside[m] + real[m] * across[m] + imaginary[m] * along[m]
-            up[m] = first if abs(first) > NEXT_TO_NOTHING else nothing
-            beside[m] = second if abs(second) > NEXT_TO_NOTHING else nothing
+            first = other[m] + decay[m] * own[m] - decay[half + m] * own[half + m]
+            second = other[half + m] + decay[m] * own[half + m] + decay[half + m] * own[m]
+            other[m] = first if abs(first) > NEXT_TO_NOTHING else nothing
+            other[half + m] = second if abs(second) > NEXT_TO_NOTHING else nothing
 
 
 @njit(**OPTIONS)
@@ -250,7 +247,7 @@ def on_blades(mean, along, across, cosine, sine):  # type: ignore[no-untyped-def
 
 
 @njit(**OPTIONS)
-def tell(s, n, t, clock, azimuth, elapsed, heading, motion, work, rows, wind, level, told, squares, samples):  # type: ignore[no-untyped-def]
+def tell(s, n, t, clock, angle, heading, motion, work, rows, wind, level, told, squares, samples):  # type: ignore[no-untyped-def]
     """All that turbine t of n tells; returns the mean square of its angles over their stops.
 
     Parameters
@@ -259,14 +256,14 @@ def tell(s, n, t, clock, azimuth, elapsed, heading, motion, work, rows, wind, le
     n, t : int
     clock : (3,) float
         Azimuth of an interval, its cosine and its sine.
-    azimuth, elapsed : float, int
-        Of blade 1 at the reset; actions since, before this one.
+    angle : float
+        Azimuth of blade 1 at the end, turns and all.
     heading, motion, work : float
         As in `components` and `move`.
     rows : (rows,) float
-        Loads without the wind's.
+        Loads, the wind's part added.
     wind, level : (rows + kept,) float, float
-        What the wind does to the rows and the wind itself, and the factor on it.
+        The wind itself is behind what it does to the rows; the factor on it.
     told : (last_size,) float
         Filled: the last sample.
     squares : (blades + fixed_outputs,) float
@@ -281,11 +278,9 @@ def tell(s, n, t, clock, azimuth, elapsed, heading, motion, work, rows, wind, le
         place, steps = quantity * s.blades, s.steps if quantity == 0 else kept
         one, two, three, first, second, third = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(steps):
-            one = float(rows[row]) + wind[row] * level
+            one = float(rows[row])
             if whole:
-                along = float(rows[row + 1]) + wind[row + 1] * level
-                across = float(rows[row + 2]) + wind[row + 2] * level
-                one, two, three = on_blades(one, along, across, cosine, sine)
+                one, two, three = on_blades(one, float(rows[row + 1]), float(rows[row + 2]), cosine, sine)
             first += one * one
             second += two * two
             third += three * three
@@ -317,7 +312,7 @@ def tell(s, n, t, clock, azimuth, elapsed, heading, motion, work, rows, wind, le
     for quantity in range(s.fixed_outputs):
         value, sum_of_squares = 0.0, 0.0
         for j in range(kept):
-            value = float(rows[row]) + wind[row] * level
+            value = float(rows[row])
             sum_of_squares += value * value
             if s.record:
                 samples[j, column + quantity] = value
@@ -330,7 +325,6 @@ def tell(s, n, t, clock, azimuth, elapsed, heading, motion, work, rows, wind, le
         for j in range(kept):
             samples[j, column + s.fixed_places] = wind[s.rows + j] * level
     told[place] = wind[s.rows + kept - 1] * level
-    angle = azimuth + clock[0] * (elapsed + 1)
     # Rounding must not leave a turn.
     told[place + 1] = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
     told[place + 2] = cosine * clock[1] - sine * clock[2]
@@ -346,7 +340,7 @@ def _entry(edition: int) -> Any:
         _ = edition
         s, n, kind = p.sizes, state.elapsed.size, p.C.dtype
         count, k, each = actuators(s), s.steps, BLADES * (s.flaps + s.pitch)
-        table, settling, decay = p.actuators.ravel(), p.settling.ravel(), p.decay.ravel()
+        settling, decay, total = p.settling.ravel(), p.decay.ravel(), np.empty(s.rows)
         turn = p.turn * k
         clock = np.array([turn, math.cos(turn), math.sin(turn)])
         flaps, modes = np.empty((4, count, n)), np.empty((n, s.modes), kind)
@@ -359,6 +353,7 @@ def _entry(edition: int) -> Any:
             some = slice(first, min(first + BLOCK, n))
             azimuth = episode.azimuth[some] + turn * state.elapsed[some]
             size = azimuth.size
+            table = np.repeat(p.actuators.ravel(), size)
             heading = np.empty(2 * size)
             for t in range(size):
                 heading[t], heading[size + t] = math.cos(azimuth[t]), math.sin(azimuth[t])
@@ -403,24 +398,13 @@ def _entry(edition: int) -> Any:
                         flaps[what, i, first + t] = motion[(what * count + i) * size + t]
             for t in range(size):
                 at = first + t
-                elapsed = state.elapsed[at]
+                elapsed, level = state.elapsed[at], episode.level[at]
                 wind = episode.responses[episode.place[at], min(elapsed, s.intervals - 1)]
+                for row in range(s.rows):
+                    total[row] = rows[t, row] + wind[row] * level
+                angle, told, own, every = azimuth[t] + turn, last[at], squares[at], samples[at]
                 angle_square[at] = tell(
-                    s,
-                    size,
-                    t,
-                    clock,
-                    episode.azimuth[at],
-                    elapsed,
-                    heading,
-                    motion,
-                    work,
-                    rows[t],
-                    wind,
-                    episode.level[at],
-                    last[at],
-                    squares[at],
-                    samples[at],
+                    s, size, t, clock, angle, heading, motion, work, total, wind, level, told, own, every
                 )
         # Plain tuples: to make a named one Python's own code runs, and an interrupt there is the end of the process.
         return (state.elapsed + 1, flaps, modes), (last, squares, angle_square, samples)

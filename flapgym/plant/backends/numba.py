@@ -389,7 +389,11 @@ def _entry(edition: int) -> Any:
                 for j in range(k):
                     components(s, size, table, work, (1 + k + j) * m, heading, leaps, each * k, j * each)
                 for t in range(size):
-                    own = leaps[t * each * k : (t + 1) * each * k]
+                    own, leapt = leaps[t * each * k : (t + 1) * each * k], 0.0
+                    for q in range(each * k):
+                        leapt += abs(own[q])
+                    if leapt == 0.0:
+                        continue
                     add_inputs(p.B, jump_at, own, each * k, after[t])
                     add_inputs(p.D, jump_at, own, each * k, rows[t])
             for what in range(4):

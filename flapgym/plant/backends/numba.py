@@ -62,7 +62,7 @@ def last_size(s):  # type: ignore[no-untyped-def]
     return s.blade_places * s.blades + 4 * actuators(s) + s.fixed_places + 4
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def move(s, n, time_step, table, actions, motion, work):  # type: ignore[no-untyped-def]
     """Actuators of n turbines over the interval; returns whether a stop was met, and whether angles jumped.
 
@@ -140,7 +140,7 @@ def components(s, n, table, values, first, heading, inputs, width, place):  # ty
             inputs[to + 1], inputs[to + 2] = cosine * along + sine * across, sine * along - cosine * across
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def choose(s, n, motion, settling, inputs, width):  # type: ignore[no-untyped-def]
     """Take out of the inputs of n turbines what does not hold: the command where a stop was met, else what is stepwise.
 
@@ -246,7 +246,7 @@ def on_blades(mean, along, across, cosine, sine):  # type: ignore[no-untyped-def
     return mean + with_first, mean + C1 * with_first + S1 * beside, mean + C1 * with_first - S1 * beside
 
 
-@njit(**OPTIONS)
+@njit(**WITHIN)
 def tell(s, n, t, clock, angle, heading, motion, work, rows, wind, level, told, squares, samples):  # type: ignore[no-untyped-def]
     """All that turbine t of n tells; returns the mean square of its angles over their stops.
 

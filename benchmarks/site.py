@@ -82,10 +82,7 @@ def inflow_winds(model: TurbineModel, steps: int) -> Array:
     disk, theta = nameplate(model.case).disk, azimuths(model, steps)
     assert disk is not None  # of a shipped model
     radii = nameplate(model.case).strip_radii
-    met = [
-        INFLOW.on_disk(radii, each, disk, model.wind_speed)
-        for each in blade_azimuths(theta).T
-    ]
+    met = [INFLOW.on_disk(radii, each, disk, model.wind_speed) for each in blade_azimuths(theta).T]
     components = to_components(np.stack(met, axis=-1), theta)
     return components.swapaxes(0, 1).reshape(steps, -1)
 

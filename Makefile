@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help compare paper validate train test lint bench fuzz clean
+.PHONY: help compare tables paper validate train test lint bench fuzz clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -20,6 +20,9 @@ compare: .venv/with-baselines  ## score every shipped agent: table, results/comp
 
 paper: .venv/with-baselines  ## the paper's Section IV beside ours: results/paper.{md,html} (ARGS: parts, --quick, --processes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m baselines.paper $(ARGS)
+
+tables: .venv/with-baselines  ## score every shipped agent in the environments reported on: docs/scores.md, tables of README.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.scores docs/scores.md README.md $(ARGS)
 
 validate: .venv/with-baselines  ## the model beside OpenFAST: table, results/validation.{json,md,png} (ARGS: --model, --docs)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m benchmarks.validation $(ARGS)

@@ -24,6 +24,13 @@ class LQGCandidate:
 
 
 @dataclass(frozen=True)
+class FieldCandidate(LQGCandidate):
+    """Of an LQG for a field also the heaviest weight on the root bending moment that is tried."""
+
+    heaviest: Annotated[float, Quantity("number", above=0.1)]
+
+
+@dataclass(frozen=True)
 class PDCandidate:
     """A PD controller but for its gain, which the tuning finds."""
 
@@ -56,6 +63,7 @@ class Tuning:
     disk_margin: Annotated[float, Quantity("number", above=0.0, below=2.0)]
     lqg: tuple[LQGCandidate, ...]
     lqg_saturating: tuple[LQGCandidate, ...]
+    lqg_field: tuple[FieldCandidate, ...]
     pd: tuple[PDCandidate, ...]
     pid: tuple[PIDCandidate, ...]
     tilt_yaw: tuple[PIDCandidate, ...]

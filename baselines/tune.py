@@ -13,6 +13,8 @@ from baselines.settings import load_tuning
 from baselines.tuning import (
     Bench,
     Tuned,
+    tune_field,
+    tune_field_multiblade,
     tune_individual,
     tune_lqg,
     tune_multiblade_saturating,
@@ -20,7 +22,7 @@ from baselines.tuning import (
     tune_pid,
     tune_saturating,
 )
-from flapgym.control import save_agent
+from flapgym.control import FIELD_AGENT_NAMES, save_agent
 from flapgym.core.program import Parser, Work, run
 from flapgym.core.progress import ProgressBar
 from flapgym.evaluation import writable_folder
@@ -51,7 +53,17 @@ CONTROLLERS: dict[str, tuple[Callable[[Bench], Tuned], str]] = {
         tune_multiblade_saturating,
         "LQG of the whole turning turbine, as heavy as the disk margin allows, stops in the loop",
     ),
+    "lqg_field": (
+        tune_field,
+        "LQG of the clamped blade in the field and the shear of a site, stops in the loop",
+    ),
+    "lqg_field_multiblade": (
+        tune_field_multiblade,
+        "LQG of the whole turning turbine in the field and the shear of a site, stops in the loop",
+    ),
 }
+ANYWHERE = [name for name in CONTROLLERS if name not in FIELD_AGENT_NAMES]
+"""Controllers for any model; those for a field take winds by strip, as nrel5mw-site has them."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -119,7 +131,12 @@ _FOUND = (
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog="python -m baselines.tune", description=__doc__.split(":")[0] + ".")
     parser.set_defaults(door=_door, program="baselines.tune", kept="agents that were finished are saved")
-    parser.add_argument("controllers", nargs="*", default=list(CONTROLLERS), help="which (default: all)")
+    parser.add_argument(
+        "controllers",
+        nargs="*",
+        default=ANYWHERE,
+        help=f"which (default: all but those for a field, {', '.join(FIELD_AGENT_NAMES)})",
+    )
     parser.add_argument("--model", default=DEFAULT_MODEL, help="a model's name or file")
     parser.add_argument(
         "--config", type=Path, default=CONFIG, help="the tuning file (default: configs/tuning.toml)"

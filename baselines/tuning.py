@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning
+from baselines.settings import FieldCandidate, LQGCandidate, PDCandidate, PIDCandidate, Tuning
 from flapgym.control import (
     BladeController,
     DesignModel,
@@ -26,11 +27,17 @@ from flapgym.control import (
     stationary_rms,
 )
 from flapgym.control.closed_loop import LARGEST_EFFECTIVENESS
+from flapgym.control.field_lqg import field_design
 from flapgym.control.margins import disk_margin
 from flapgym.core.state_space import StateSpace
+from flapgym.envs.registration import ENVIRONMENTS
 from flapgym.evaluation import Metrics, measure, simulate
 from flapgym.model.turbine_model import TurbineModel
+from flapgym.wind import Inflow, turbulence_of
+from flapgym.wind.turbulence import Turbulence
 
+SITE = "flapgym/NREL5MWSite-v0"
+"""Environment whose field, shear and gravity the designs for a field believe in and are tried in."""
 STOPS_AWAY = 100.0
 """Factor on the flap's stops that takes them out of the way to measure the motion without them."""
 PEAK_FACTOR = 4.0
@@ -73,6 +80,8 @@ class Bench:
     plant : StateSpace, optional
         What stands for the turbine where a controller in the blades' own frames asks for its Lyapunov equation: one
         frozen at an azimuth. Simulations are of the turning turbine all the same.
+    surroundings : mapping
+        Keywords of the environment in which designs are simulated; by default the model's own turbulence.
     """
 
     model: TurbineModel
@@ -80,6 +89,7 @@ class Bench:
     duration: float
     advanced: Callable[[str], None]
     plant: StateSpace | None = None
+    surroundings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def seeds(self) -> range:
@@ -98,7 +108,7 @@ class Bench:
                 for flap in model.flaps
             )
             model = replace(model, flaps=tuple(freed))
-        return measure(simulate(agent, model, self.seeds, self.duration))
+        return measure(simulate(agent, model, self.seeds, self.duration, **self.surroundings))
 
     def stroke(self, agent: LinearController) -> float:
         """Largest use of the stops the controller would make: of the angle's or of the rate's, whichever is more."""
@@ -139,22 +149,44 @@ def tune_lqg(bench: Bench) -> Tuned:
 
 def tune_saturating(bench: Bench) -> Tuned:
     """The heaviest weight the disk margin allows, for each candidate; of these the least rms."""
-    return _saturating(bench, "lqg_saturating", design_model(bench.model))
+    return _saturating(bench, "lqg_saturating", design_model(bench.model), bench.tuning.lqg_saturating)
 
 
 def tune_multiblade_saturating(bench: Bench) -> Tuned:
     """The same on the whole turning turbine."""
-    return _saturating(bench, "lqg_multiblade_saturating", design_model(bench.model, bench.model.turbine))
+    on = design_model(bench.model, bench.model.turbine)
+    return _saturating(bench, "lqg_multiblade_saturating", on, bench.tuning.lqg_saturating)
 
 
-def _saturating(bench: Bench, name: str, on: DesignModel) -> Tuned:
+def tune_field(bench: Bench) -> Tuned:
+    """The same of a blade in the field of a site, and in its shear."""
+    return _for_site(bench, "lqg_field", multiblade=False)
+
+
+def tune_field_multiblade(bench: Bench) -> Tuned:
+    """The same on the whole turning turbine."""
+    return _for_site(bench, "lqg_field_multiblade", multiblade=True)
+
+
+def _for_site(bench: Bench, name: str, multiblade: bool) -> Tuned:
+    entry = next(each for each in ENVIRONMENTS if each.id == SITE)
+    settings = {key: value for key, value in entry.keywords.items() if key != "model"}
+    wind = settings["wind"]
+    turbulence = turbulence_of(wind["field"])
+    assert isinstance(turbulence, Turbulence)
+    on = field_design(bench.model, turbulence, Inflow(**wind["inflow"]), multiblade)
+    return _saturating(replace(bench, surroundings=settings), name, on, bench.tuning.lqg_field)
+
+
+def _saturating(bench: Bench, name: str, on: DesignModel, candidates: Sequence[LQGCandidate]) -> Tuned:
     def designs() -> Iterable[tuple[LinearController, dict[str, float]]]:
-        for candidate in bench.tuning.lqg_saturating:
+        for candidate in candidates:
 
             def design(weight: float, candidate: LQGCandidate = candidate) -> LinearController:
                 return lqg_agent(name, bench.model, _weights(candidate, weight), on)
 
-            weight = largest_weight(bench, design)
+            highest = candidate.heaviest if isinstance(candidate, FieldCandidate) else 1e4
+            weight = largest_weight(bench, design, highest=highest)
             yield design(weight), asdict(_weights(candidate, weight))
 
     return _least_rms(bench, designs())
@@ -265,11 +297,13 @@ def _for_rms(bench: Bench, design: Design, angle: float, start: float) -> float 
 
 
 def largest_weight(bench: Bench, design: Design, lowest: float = 0.1, highest: float = 1e4) -> float:
-    """The largest weight, to 3 %, at which the loop keeps the disk margin."""
+    """The largest weight, to 3 %, at which the loop keeps the disk margin; the highest if it does there."""
     if not bench.robust(design(lowest)):
         raise ValueError(
             f"no disk margin of {bench.tuning.disk_margin} even at a weight of {lowest} on the moment"
         )
+    if bench.robust(design(highest)):
+        return highest
     while highest / lowest > 1.03:
         middle = float(np.sqrt(lowest * highest))
         lowest, highest = (middle, highest) if bench.robust(design(middle)) else (lowest, middle)
@@ -307,4 +341,4 @@ def _tuned(bench: Bench, agent: LinearController, numbers: dict[str, float]) -> 
 
 
 def _weights(candidate: LQGCandidate, rbm: float) -> Weights:
-    return Weights(rbm=rbm, **asdict(candidate))
+    return Weights(rbm, candidate.flap_angle, candidate.acceleration, candidate.measurement_noise)

@@ -9,9 +9,11 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
+import shutil
 import sys
 import tempfile
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,24 +21,29 @@ import numpy as np
 from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
-from flapgym.control import AGENT_NAMES, INDIVIDUAL_PITCH
+from flapgym.aeroelastic.operating import operating_case
+from flapgym.control import AGENT_NAMES, FIELD_AGENT_NAMES, INDIVIDUAL_PITCH
 from flapgym.core import program
 from flapgym.core.atomic import check_target
 from flapgym.core.program import Work, real, whole
 from flapgym.core.progress import ProgressBar
 from flapgym.core.state_space import StateSpace
-from flapgym.core.wording import number
+from flapgym.core.wording import number, one_line
 from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
-from flapgym.evaluation.comparison import LARGEST_SEED, LONGEST, MOST_REALISATIONS
-from flapgym.evaluation.report import FILES
-from flapgym.model import DEFAULT_MODEL, TurbineModel, load_model, save_model
+from flapgym.evaluation.comparison import LARGEST_SEED, LONGEST, MOST_REALISATIONS, STEEPEST
+from flapgym.evaluation.metrics import FATIGUE_SLOPE
+from flapgym.evaluation.report import FILES, WIDTH
+from flapgym.evaluation.series import check_series, write_series
+from flapgym.model import DEFAULT_MODEL, ModelSet, TurbineModel, load_model, save_model, save_model_set
 from flapgym.model.nameplate import nameplate
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
-from flapgym.turbine import BUILT_IN, DEFAULT_CASE, load_case
+from flapgym.turbine import BUILT_IN, DEFAULT_CASE, Case, load_case
 
 PICTURES = (".pdf", ".png", ".svg")
+NARROWEST = 80
+"""Columns of a terminal to which the table is broken at most."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,11 +79,56 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="AGENT",
         default=AGENT_NAMES,
-        help=f"shipped ones ({', '.join(AGENT_NAMES)}), .json files, {INDIVIDUAL_PITCH} where blades pitch, or "
-        f"{INDIVIDUAL_PITCH}+lqg and so on; default: all shipped",
+        help=f"shipped ones ({', '.join(AGENT_NAMES)}), those for a field ({', '.join(FIELD_AGENT_NAMES)}), "
+        f".json files, {INDIVIDUAL_PITCH} where blades pitch, or {INDIVIDUAL_PITCH}+lqg and so on; default: the first",
     )
     sub.add_argument(
-        "--model", default=DEFAULT_MODEL, help="model file, or name of a shipped one; default: %(default)s"
+        "--model",
+        help="model file, or name of a shipped one, or a set of models over wind speed; default: the environment's, "
+        f"or {DEFAULT_MODEL}",
+    )
+    sub.add_argument(
+        "--env",
+        dest="environment",
+        metavar="ID",
+        help="an environment's model, wind, sensors and actuators, as flapgym/NREL5MWSite-v0",
+    )
+    sub.add_argument(
+        "--wind-speed",
+        type=real(1.0, 100.0, "m/s"),
+        metavar="M/S",
+        help="which model of a set",
+    )
+    sub.add_argument(
+        "--turbulence-intensity",
+        type=_fraction,
+        metavar="FRACTION",
+        help="of the turbulence, as 0.14 or 14%%; default: the environment's",
+    )
+    sub.add_argument(
+        "--length-scale",
+        type=real(1.0, 1e4, "m"),
+        metavar="METRES",
+        help="of von Karman's turbulence; default: the environment's",
+    )
+    sub.add_argument(
+        "--wind",
+        metavar="FILE",
+        help="in place of turbulence and gust: a recording (CSV), or a box (.bts, NetCDF, HAWC2 with the next two)",
+    )
+    sub.add_argument(
+        "--box-shape",
+        nargs=3,
+        type=whole(2, 1 << 20),
+        metavar=("NX", "NY", "NZ"),
+        help="points of a HAWC2 box along the wind, to the left and up",
+    )
+    sub.add_argument(
+        "--box-spacing",
+        nargs=3,
+        type=real(1e-3, 1e4, "m"),
+        metavar=("DX", "DY", "DZ"),
+        help="their distances in metres",
     )
     sub.add_argument(
         "--realisations",
@@ -89,7 +141,7 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         "--duration",
         type=real(1.0, LONGEST, "s"),
         metavar="SECONDS",
-        help="of each; default: 20 length scales over wind speed",
+        help="of each; default: 20 length scales over wind speed, or what a file of wind lasts",
     )
     sub.add_argument(
         "--seed",
@@ -104,9 +156,16 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         help="folder for compare.json, .csv, .md and .png; default: %(default)s",
     )
     sub.add_argument(
-        "--environment",
-        metavar="ID",
-        help="an environment's model, wind, sensors and actuators, as flapgym/NREL5MWSite-v0, in place of --model",
+        "--save-series",
+        metavar="FILE.nc",
+        help="every plant sample of all agents as NetCDF (needs flapgym[series])",
+    )
+    sub.add_argument(
+        "--slope",
+        type=real(1.0, STEEPEST),
+        metavar="M",
+        default=FATIGUE_SLOPE,
+        help="S-N slope of the scored damage-equivalent load; default: %(default)g",
     )
     sub.add_argument(
         "--channels",
@@ -119,6 +178,13 @@ def _takes_build(sub: argparse.ArgumentParser) -> None:
     known = ", ".join(BUILT_IN["case"])
     sub.add_argument("config", metavar="CONFIG", help=f"a case's TOML file, or a built-in one: {known}")
     sub.add_argument("--output", metavar="FILE", type=Path, required=True, help="the model file to write")
+    sub.add_argument(
+        "--wind-speeds",
+        metavar="M/S",
+        nargs="+",
+        type=real(0.1, 100.0, "m/s"),
+        help="build a set of models, one at each of these wind speeds of the case's schedule",
+    )
 
 
 def _takes_case(sub: argparse.ArgumentParser) -> None:
@@ -161,6 +227,17 @@ def _takes_model(sub: argparse.ArgumentParser) -> None:
     )
 
 
+def _fraction(text: str) -> float:
+    """For an argument's `type`: a fraction, also in percent."""
+    share = text.strip().removesuffix("%")
+    try:
+        return real(0.0, 0.99)(text if share == text.strip() else repr(float(share) / 100.0))
+    except (ValueError, argparse.ArgumentTypeError):
+        raise argparse.ArgumentTypeError(
+            f"expected a fraction from 0 to 0.99, such as 0.14 or 14%, got {one_line(text, 60)}"
+        ) from None
+
+
 def _compare(options: argparse.Namespace) -> Work:
     planned = plan(
         agents=options.agents,
@@ -170,13 +247,28 @@ def _compare(options: argparse.Namespace) -> Work:
         duration=options.duration,
         channels=options.channels,
         environment=options.environment,
+        wind_speed=options.wind_speed,
+        turbulence_intensity=options.turbulence_intensity,
+        length_scale=options.length_scale,
+        wind=options.wind,
+        box_shape=options.box_shape,
+        box_spacing=options.box_spacing,
+        slope=options.slope,
+        series=options.save_series is not None,
     )
+    series = None if options.save_series is None else check_series(planned, options.save_series)
     folder = writable_folder(options.output, FILES)
 
     def work() -> int:
         comparison = run(planned, progress=True)
         write_report(comparison, folder)
-        print(f"{as_text(comparison)}\n\nwrote compare.* in {folder}")
+        wrote = f"wrote compare.* in {folder}"
+        if series is not None:
+            write_series(comparison, series)
+            wrote += f" and {series}"
+        # On a screen as wide as it is, but no narrower than a table bears.
+        width = max(NARROWEST, shutil.get_terminal_size((WIDTH, 0)).columns)
+        print(f"{as_text(comparison, width)}\n\n{wrote}")
         return 0
 
     return work
@@ -185,6 +277,8 @@ def _compare(options: argparse.Namespace) -> Work:
 def _build(options: argparse.Namespace) -> Work:
     case = load_case(options.config)
     _check_writable(options.output)
+    if options.wind_speeds is not None:
+        return _build_set(case, options)
 
     def work() -> int:
         if case.blades.unequal:
@@ -204,6 +298,30 @@ def _build(options: argparse.Namespace) -> Work:
         if not begun:
             print(f"built before, copied from the cache: {cached_path(case)}", file=sys.stderr)
         print(f"wrote {options.output}\n{describe(model)}")
+        return 0
+
+    return work
+
+
+def _build_set(case: Case, options: argparse.Namespace) -> Work:
+    speeds = sorted(options.wind_speeds)
+    for slower, faster in pairwise(speeds):
+        if slower == faster:
+            raise ValueError(f"--wind-speeds: expected each once, got {number(slower)} m/s twice")
+    for speed in speeds:
+        case.at_wind_speed(speed)  # refuses what the schedule does not reach
+
+    def work() -> int:
+        models = []
+        with ProgressBar(total=len(speeds), bar_format="{desc:<24}{bar:30} {n}/{total} {elapsed}") as bar:
+            for speed in speeds:
+                bar.set_description_str(f"{number(speed)} m/s")
+                models.append(cached_model(operating_case(case, speed)))
+                bar.update(1)
+        save_model_set(ModelSet.of(models), options.output)
+        print(
+            f"wrote {options.output}: {len(models)} models of {case.name}, {', '.join(map(number, speeds))} m/s"
+        )
         return 0
 
     return work

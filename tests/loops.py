@@ -1,4 +1,4 @@
-"""What margins are tried on: a mode of hardly any width, the perturbation that ends a margin, a search for peaks."""
+"""What margins are tried on, a narrow mode, the perturbation that ends a margin, peaks; what a design's loop costs."""
 
 from dataclasses import replace
 
@@ -8,6 +8,14 @@ from scipy.optimize import minimize_scalar
 
 from flapgym.control import closed_loop
 from flapgym.control.channels import controller_channels
+from flapgym.control.lqg import (
+    RBM_UNIT,
+    flap_units,
+    noise_covariance,
+    predictor_gain,
+    regulator_gain,
+    with_actuator,
+)
 
 NARROW = 1.787
 """Frequency of a mode [Hz]."""
@@ -70,3 +78,51 @@ def searched_peak(system, angles):
         )
         best = max(best, -found.fun)
     return best
+
+
+def riccati_cost(design, weights):
+    """The Riccati value: tr(X G G') + tr(P K' S K), the regulator's share plus the price of not knowing the state."""
+    gain, x = regulator_gain(design, weights)
+    _, p = predictor_gain(design, weights)
+    _, b, _ = with_actuator(design)
+    n, channels = design.A.shape[0], design.channels
+    r = weights.acceleration / channels.flaps * np.diag(channels.weight * channels.flaps)
+    curvature = r + b.T @ x @ b
+    known = np.trace(x[:n, :n] @ design.G @ design.G.T)
+    return known + np.trace(curvature @ gain[:, :n] @ p @ gain[:, :n].T)
+
+
+def design_loop(design, controller, weights):
+    """Design model, actuators and controller closed by hand; from white noise to moments, angles, accelerations."""
+    a, b, c = with_actuator(design)
+    n, p = a.shape[0], design.channels.actions
+    m = controller.order
+    motion = np.hstack([np.zeros((2 * p, n - 2 * p)), np.linalg.inv(flap_units(design))])
+    measured = np.vstack([RBM_UNIT * c, motion])
+    to_limit = 1.0 / design.acceleration_limit[:, None]
+    acceleration = to_limit * np.hstack([controller.D @ measured, controller.C])
+    noise = RBM_UNIT * controller.B[:, : design.channels.count]
+    loop = np.vstack(
+        [
+            np.hstack([a, np.zeros((n, m))]) + b @ acceleration,
+            np.hstack([controller.B @ measured, controller.A]),
+        ]
+    )
+    # H is zero: the filter of the wind has no direct way to the moment.
+    assert not design.H.any()
+    white = np.vstack([design.G, np.zeros((2 * p + m, design.G.shape[1]))])
+    root = np.sqrt(noise_covariance(design, weights))
+    drive = np.hstack([white, np.vstack([np.zeros((n, root.shape[0])), noise @ root])])
+    outputs = np.vstack(
+        [np.hstack([c, np.zeros((c.shape[0], m))]), np.eye(p, n + m, n - 2 * p), acceleration]
+    )
+    return loop, drive, outputs
+
+
+def priced(design, weights):
+    """What a square of each output of `design_loop` costs."""
+    channels = design.channels
+    flaps = np.tile(channels.weight, channels.flaps) / channels.flaps
+    return np.concatenate(
+        [weights.rbm * np.array(channels.weight), weights.flap_angle * flaps, weights.acceleration * flaps]
+    )

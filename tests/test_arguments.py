@@ -11,6 +11,7 @@ import pytest
 
 from flapgym.control import (
     BladeController,
+    LidarLQG,
     OpenLoop,
     PDGains,
     PIDGains,
@@ -41,7 +42,7 @@ from flapgym.structure import (
     solve_equilibrium,
 )
 from flapgym.turbine import load_turbine
-from flapgym.wind import realise, von_karman_filter, von_karman_spectrum
+from flapgym.wind import Kaimal, Lidar, realise, von_karman_filter, von_karman_spectrum
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -108,6 +109,12 @@ def _calls():
             (lambda: PredictiveController("a", MODEL, Weights(1.0), preview=1.5), "agent a: preview"),
             (lambda: PredictiveController("a", MODEL, Weights(1.0), blocks=()), "agent a: blocks"),
             (lambda: PredictiveController("a", MODEL, Weights(1.0), blocks=(1, 0)), "agent a: blocks"),
+        ],
+        "LidarLQG": [
+            (
+                lambda: LidarLQG("a", MODEL, Weights(1.0), Lidar(100.0, 40.0), Kaimal(hub_height=90.0), -1.0),
+                "agent a: share",
+            ),
         ],
         "plan": [
             (lambda: plan([], MODEL, realisations=True), "realisations: expected"),
@@ -257,6 +264,7 @@ ELSEWHERE = {
         "split",
         "steady_loads",
     ),
+    "tests/control/test_field_lqg.py": ("field_lqg",),
     "tests/control/test_individual_pitch.py": ("individual_pitch_agent", "pitch_margin"),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
     "tests/evaluation/test_metrics.py": (
@@ -267,10 +275,12 @@ ELSEWHERE = {
         "summed_damage_change",
         "summed_damage_load",
     ),
+    "tests/evaluation/test_series.py": ("as_dataset",),
     "tests/turbine/test_files.py": ("load_case", "load_turbine"),
     "tests/wind/test_box.py": ("mann_box", "read_mann", "read_netcdf", "read_turbsim"),
     "tests/wind/test_extreme_gusts.py": ("gust_components",),
     "tests/wind/test_field.py": ("disk_turbulence",),
+    "tests/wind/test_field_filter.py": ("blade_filter", "component_filter", "effective_field"),
     "tests/wind/test_gusts.py": ("gust_of",),
     "tests/wind/test_turbulence.py": ("turbulence_of",),
 }
@@ -279,6 +289,7 @@ CHECKED_ALREADY = {
     "as_json", "as_markdown", "as_text", "blade_flap_inputs", "flap_inputs", "lqg_agent", "made_for",
     "multiblade_pid_agent", "output_rms", "pd_agent", "pid_agent", "pitch_inputs", "register_environments", "run",
     "simulate_together", "strip_inputs", "synthesise", "white_wind", "write_report",
+    "write_series",
 }  # fmt: skip
 """Those that take nothing but data classes which check themselves, a count of what exists, or no argument at all; and
 `simulate_together`, which `simulate` calls with its own."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import netcdf_file
 
 from flapgym import cli
 from flapgym.aeroelastic import cache
@@ -186,7 +187,7 @@ def test_compare_writes_its_table_in_every_form(run):
     assert scores["open_loop"]["rbm_rms_change"] == {"mean": 0.0, "low": 0.0, "high": 0.0}
     change = scores["pd"]["rbm_rms_change"]
     assert change["low"] <= change["mean"] <= change["high"]
-    assert f"{scores['pd']['rbm_rms'] / 1e6:.3f}" in out
+    assert f"{scores['pd']['rbm_rms_Nm'] / 1e6:.3f}" in out
     assert sorted(os.listdir("results")) == ["compare.csv", "compare.json", "compare.md", "compare.png"]
 
 
@@ -230,3 +231,67 @@ def test_a_device_pipe_or_folder_is_no_output_and_stays(run, tmp_path, command):
     assert Path("pipe.png").is_fifo()
     assert Path("device.png").resolve() == Path("/dev/null")
     assert sorted(os.listdir()) == ["device.png", "folder.png", "link.png", "pipe.png"]
+
+
+def test_compare_takes_its_wind_slope_and_series_by_flags(run, tmp_path):
+    pytest.importorskip("xarray")
+    (tmp_path / "wind.csv").write_text("time [s], wind [m/s]\n0, 11\n5, 12\n10, 10.5\n")
+    code, out, _ = run(
+        "compare", "--agents", "pd", "--realisations", "1", "--duration", "8", "--wind", "wind.csv", "--slope", "4",
+        "--wind-speed", "11", "--turbulence-intensity", "5%", "--length-scale", "80", "--save-series", "series.nc",
+        "--env", "flapgym/NREL5MW-v0",
+    )  # fmt: skip
+    assert code == 0
+    assert "S-N slope 4," in out
+    assert "and series.nc" in out
+    found = json.loads(Path("results/compare.json").read_text())
+    assert found["environment"] == "flapgym/NREL5MW-v0"
+    assert found["settings"]["wind"] == {
+        "gust": {"kind": "recorded", "file": "wind.csv"},
+        "turbulence_intensity": pytest.approx(0.05),
+        "length_scale": 80.0,
+    }
+    assert (found["slope"], found["duration_s"], found["wind_speed_m_per_s"]) == (4.0, 8.0, 11.0)
+    with netcdf_file("series.nc", "r", mmap=False) as file:
+        assert file.variables["rbm"].shape == (2, 1, round(8.0 / 0.007), 3)
+
+
+def test_the_table_fits_into_the_terminal(run, monkeypatch):
+    for columns in (80, 120):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        _, out, _ = run("compare", "--agents", "pd", "--realisations", "2", "--duration", "2", "--channels")
+        assert max(map(len, out.splitlines())) <= columns
+
+
+@pytest.mark.parametrize(
+    "arguments, parts",
+    [
+        (["--env", "flapgym/NREL5MW"], ["environment: expected one of 'flapgym/NREL5MW-v1'"]),
+        (["--environment", "flapgym/NREL5MW-v1"], ["--environment"]),
+        (["--wind-speed", "9"], ["wind_speed: expected 11 m/s", "got 9 m/s", "flapgym build"]),
+        (["--wind-speed", "fast"], ["--wind-speed: expected a number from 1 to 100 m/s, got fast"]),
+        (
+            ["--turbulence-intensity", "14"],
+            ["--turbulence-intensity: expected a fraction from 0 to 0.99, such as 0.14 or 14%, got 14"],
+        ),
+        (["--turbulence-intensity", "x%"], ["--turbulence-intensity", "x%"]),
+        (["--length-scale", "0"], ["--length-scale: expected a number from 1 to 10000 m, got 0"]),
+        (
+            ["--env", "flapgym/NREL5MWSite-v0", "--length-scale", "50"],
+            ["length_scale: expected none with a field of kind kaimal", "got 50 m"],
+        ),
+        (["--wind", "nowhere.csv"], ["wind nowhere.csv: no such file"]),
+        (["--wind", "."], ["wind .: expected a regular file, got a folder"]),
+        (["--box-shape", "2", "2", "2"], ["box_shape: expected none without a file of wind"]),
+        (["--box-shape", "2", "2"], ["--box-shape"]),
+        (["--slope", "0"], ["--slope: expected a number from 1 to 30, got 0"]),
+        (
+            ["--save-series", "series.csv"],
+            ["save_series: expected a file that ends in .nc, got 'series.csv'"],
+        ),
+        (["--save-series", "no/series.nc"], ["no/series.nc: no folder no; make it first"]),
+    ],
+)
+def test_a_flag_without_meaning_costs_one_line_that_names_it(run, arguments, parts):
+    assert refused(run("compare", "--agents", "open_loop", "--duration", "5", *arguments), *parts)
+    assert os.listdir() == []

@@ -21,6 +21,7 @@ from flapgym.aeroelastic.blade_lattice import (
 from flapgym.aeroelastic.coupling import couple, multiblade_aerodynamics
 from flapgym.aeroelastic.equations import Parts, blade_equations, turbine_equations
 from flapgym.aeroelastic.periodic import step_matrices
+from flapgym.aeroelastic.speed_loop import with_speed_loop, without_azimuth
 from flapgym.aeroelastic.trim import deflected_lattice, trim
 from flapgym.aeroelastic.unequal import (
     UnequalParts,
@@ -113,7 +114,13 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
     single = couple(blade_equations(parts), alone, dt)
     late = bool(case.discretisation.input_delay)
     if unequal is None:
-        turbine = series(slow_wake(parts), couple(turbine_equations(parts), rotor, dt))
+        turbine = couple(turbine_equations(parts), rotor, dt)
+        if case.speed_control is not None:
+            # Positions stand first, and the turn of the rotor is the last of them.
+            turbine = without_azimuth(turbine, 3 * parts.lattice.modes + parts.modal_support[1].shape[1] - 1)
+        turbine = series(slow_wake(parts), turbine)
+        if case.speed_control is not None:
+            turbine = with_speed_loop(turbine, case)
         turbine = delayed(carried_on(turbine, case.rotor_speed * dt)) if late else turbine
     else:
         turbine, periodic = fourier_series(azimuth_steps(unequal, rotor, slow_wake(parts), late))

@@ -13,10 +13,18 @@ from flapgym.aeroelastic.blade_lattice import BladeLattice
 from flapgym.aeroelastic.coupling import Equations, LatticeInput, Output, SecondOrder, turbine_structure
 from flapgym.aeroelastic.periodic import PeriodicEquations
 from flapgym.aeroelastic.pitch import along, pitch_axis, pitch_motion, turned_steady_loads
+from flapgym.aeroelastic.speed_loop import CONTROLLED, ROTOR_SPEED, turning
 from flapgym.aeroelastic.stations import FLAPWISE, cut_at, nodes_beside, station_shares
 from flapgym.core.arrays import Array
 from flapgym.core.multiblade import WORK_WEIGHTS, hub_components
-from flapgym.model.signals import BLADE_OUTPUTS, GRAVITY, blade_inputs, turbine_inputs, turbine_outputs
+from flapgym.model.signals import (
+    BLADE_OUTPUTS,
+    GENERATOR_TORQUE,
+    GRAVITY,
+    blade_inputs,
+    turbine_inputs,
+    turbine_outputs,
+)
 from flapgym.reduction import normal_modes
 from flapgym.structure import LinearBlade, LinearSupport
 from flapgym.structure.rotation import rigid_displacement
@@ -59,7 +67,16 @@ class Parts:
     def inputs(self) -> tuple[str, ...]:
         """Inputs of the turbine."""
         signals = self.case.signals
-        return turbine_inputs(self.lattice.flaps, self.strips, pitch=signals.pitch, gravity=signals.gravity)
+        own = turbine_inputs(self.lattice.flaps, self.strips, pitch=signals.pitch, gravity=signals.gravity)
+        return own if self.case.speed_control is None else (*own, GENERATOR_TORQUE)
+
+    @property
+    def further(self) -> tuple[tuple[str, bool], ...]:
+        """Outputs beside those of every model, each with whether it is the blades'; none of the speed's control."""
+        asked = tuple(entry for entry in self.case.signals.further if entry[0] not in CONTROLLED)
+        if self.case.speed_control is None or (ROTOR_SPEED, False) in asked:
+            return asked
+        return (*asked, (ROTOR_SPEED, False))
 
     def pitch_columns(self, kind: str) -> slice:
         """Where the components of the blades' pitch, its "angle", "rate" or "acceleration", stand among the inputs."""
@@ -77,7 +94,8 @@ class Parts:
     def modal_support(self) -> tuple[tuple[Array, Array, Array], Array]:
         """Mass, damping, stiffness (t, t) of the support in its modes, and those modes (N, t).
 
-        The modes carry the rotor as a rigid body on the hub, so that few of them suffice once the blades move.
+        The modes carry the rotor as a rigid body on the hub, so that few of them suffice once the blades move. Where
+        the rotor's speed is no prescribed one, the last is the turn of generator and hub together.
         """
         case, support = self.case, self.support
         hub = hub_components() @ support.hub
@@ -87,7 +105,24 @@ class Parts:
         mass, damping, stiffness = (
             shape.T @ matrix @ shape for matrix in (support.mass, support.damping, support.stiffness)
         )
+        if case.speed_control is not None:
+            return self._with_free_turn(shape, modal, stiffness)
         return (mass, damping + modal, stiffness), shape
+
+    def _with_free_turn(
+        self, shape: Array, modal: Array, stiffness: Array
+    ) -> tuple[tuple[Array, Array, Array], Array]:
+        """The support's matrices and modes with a free generator, of which modes alone strain the shaft."""
+        support, drivetrain = self.support, self.case.turbine.drivetrain
+        wide = np.column_stack([shape, turning(len(shape), support.shaft_axes[:, 0])])
+        mass, damping = (wide.T @ matrix @ wide for matrix in (support.mass, support.damping))
+        # The gearbox's casing hands the shaft's torque to the nacelle: but for one part in the gearbox's ratio the
+        # generator's inertia is between rotor and generator alone.
+        mass[-1, -1] += drivetrain.gearbox_ratio**2 * drivetrain.generator_inertia
+        damping[:-1, :-1] += modal
+        strained = np.zeros_like(mass)
+        strained[:-1, :-1] = stiffness
+        return (mass, damping, strained), wide
 
 
 def turbine_equations(parts: Parts) -> Equations:
@@ -129,16 +164,19 @@ def turbine_equations(parts: Parts) -> Equations:
     motion, acting = (T, rate, acceleration), np.kron(three, lattice.on_structure)
     forcing = structure.work @ acting_on(parts, whole_load(parts, own))
     forcing[3 * m :] += support_forcing(parts, support_shape)
+    if parts.case.speed_control is not None:
+        forcing[
+            -1, parts.inputs.index(GENERATOR_TORQUE)
+        ] = -1.0  # it brakes the turn of generator and hub, the last
     structure = replace(structure, work=structure.work @ acting)
-    further = parts.case.signals.further
     outputs = [
         summed_load(parts, root_load(parts, own), *motion),
         _blade_place(parts, edgewise(parts.case), 1.0, T),
         _positions(parts, _tower_top(parts)),
-        *(_further_output(parts, name, own, motion) for name, _ in further),
+        *(_further_output(parts, name, own, motion) for name, _ in parts.further),
     ]
     output = Output(*(np.vstack([getattr(part, f.name) for part in outputs]) for f in fields(Output)))
-    return Equations(structure, lattice_input, output, parts.inputs, turbine_outputs(further), forcing)
+    return Equations(structure, lattice_input, output, parts.inputs, turbine_outputs(parts.further), forcing)
 
 
 def _positions(parts: Parts, rows: Array) -> Output:
@@ -168,6 +206,9 @@ def _further_output(
     motion: tuple[Array, Array, Array],
 ) -> Output:
     """An output that the case asks for by name; ``own`` is of the blade, ``motion`` as for ``summed_load``."""
+    if name == ROTOR_SPEED:
+        turned = _positions(parts, np.eye(1, motion[0].shape[1], motion[0].shape[1] - 1))
+        return replace(turned, velocity=turned.position, position=turned.velocity)
     if name in TOWER_LOADS:
         return _tower_base(parts, TOWER_LOADS.index(name))
     if name in TOWER_MOTIONS:

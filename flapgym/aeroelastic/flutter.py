@@ -78,7 +78,7 @@ def speeding_blade(case: Case) -> Callable[[float], StateSpace]:
     In its own modes at each speed: those of another speed strain the blade's axis once its equilibrium has moved. Five
     panels along the chord at most, wake rows as long beside a panel as the case's, thirty states of the lattice.
     """
-    case, grid = replace(case.alike(), signals=Signals()), case.discretisation
+    case, grid = replace(case.alike(), signals=Signals(), speed_control=None), case.discretisation
     panels = min(_PANELS, grid.chordwise_panels)
     grid = replace(grid, chordwise_panels=panels, time_step=grid.time_step * grid.chordwise_panels / panels)
     case = replace(case, discretisation=grid)

@@ -4,6 +4,8 @@ from flapgym.control.agent import Agent, OpenLoop
 from flapgym.control.agent_files import (
     AGENT_NAMES,
     AGENT_SETS,
+    FIELD_AGENT_NAMES,
+    FIELD_AGENT_SETS,
     agent_design,
     load_agent,
     made_for,
@@ -11,6 +13,7 @@ from flapgym.control.agent_files import (
 )
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
+from flapgym.control.field_lqg import field_lqg
 from flapgym.control.individual_pitch import (
     INDIVIDUAL_PITCH,
     IndividualPitch,
@@ -22,16 +25,20 @@ from flapgym.control.mpc import PredictiveController
 from flapgym.control.pd import PDGains, pd_agent
 from flapgym.control.pid import PIDGains, multiblade_pid_agent, pid_agent
 from flapgym.control.policy import Policy
+from flapgym.control.preview import LidarLQG
 from flapgym.control.rotor_controller import RotorController
 
 __all__ = [
     "AGENT_NAMES",
     "AGENT_SETS",
+    "FIELD_AGENT_NAMES",
+    "FIELD_AGENT_SETS",
     "INDIVIDUAL_PITCH",
     "Agent",
     "BladeController",
     "DesignModel",
     "IndividualPitch",
+    "LidarLQG",
     "OpenLoop",
     "PDGains",
     "PIDGains",
@@ -43,6 +50,7 @@ __all__ = [
     "agent_design",
     "closed_loop",
     "design_model",
+    "field_lqg",
     "growth_per_turn",
     "individual_pitch_agent",
     "load_agent",

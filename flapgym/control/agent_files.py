@@ -46,7 +46,13 @@ AGENT_NAMES = (
 """The agents of the comparison, in the order of its table."""
 AGENT_SETS = (DEFAULT_MODEL, "nrel5mw-rated")
 """The shipped models that have agents of their own, tuned and trained on them by the same rules."""
+FIELD_AGENT_NAMES = ("lqg_field", "lqg_field_multiblade")
+"""Further agents, made for a field over the disk with shear, for models with winds by strip."""
+FIELD_AGENT_SETS = (DEFAULT_MODEL, "nrel5mw-three-flaps")
+"""The sets that have them: nrel5mw-site is the first's model with more inputs, and its hash is the same."""
 
+_TELLS: dict[tuple[str, ...], str] = {AGENT_SETS: "pd", FIELD_AGENT_SETS: "lqg_field"}
+"""Of each kind of set a small agent, which tells whose it is."""
 _COMMON = ("format_version", "kind", "name", "description", "model", "model_hash", "design", "checksum")
 _CONTROLLER = ("time_step", "A", "B", "C", "D", "start")
 _NETWORK = ("observe", "steps_per_action", "per_blade", "activation", "squash")
@@ -65,8 +71,8 @@ def made_for(agent: Agent, model: TurbineModel) -> bool:
 def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     """A shipped agent by its name, or one from its .json file, ready for `model`.
 
-    A plain name means the agent of the set made for the model, or of the first of `AGENT_SETS` where none is;
-    "nrel5mw-rated/lqg" names one of a set whatever the model. "individual_pitch" is made for the model by its rule, and
+    A plain name means the agent of the set made for the model, or of the first set where none is; "nrel5mw-rated/lqg"
+    names one of a set whatever the model. "individual_pitch" is made for the model by its rule, and
     moves the blades' pitch alone; "individual_pitch+lqg" does so beside what moves the flaps. An agent made for another
     model is returned all the same; `made_for` tells.
 
@@ -200,13 +206,14 @@ def _checksum(content: Mapping[str, Any]) -> str:
 
 def _find(name: str | os.PathLike[str], model: TurbineModel) -> Path:
     chosen, _, plain = str(name).rpartition("/")
-    if plain in AGENT_NAMES and plain != OpenLoop.name and chosen in ("", *AGENT_SETS):
-        return _folder(chosen or _set_for(model)) / f"{plain}.json"
+    sets = _sets(plain)
+    if sets and chosen in ("", *sets):
+        return _folder(chosen or _set_for(sets, model)) / f"{plain}.json"
     path = Path(name)
     if path.suffix != ".json":
         raise ValueError(
-            f"agent {one_line(name)}: unknown; expected one of {', '.join(AGENT_NAMES)}, {INDIVIDUAL_PITCH}, or the "
-            "path of an agent's .json file"
+            f"agent {one_line(name)}: unknown; expected one of {', '.join((*AGENT_NAMES, *FIELD_AGENT_NAMES))}, "
+            f"{INDIVIDUAL_PITCH}, or the path of an agent's .json file"
         )
     return path
 
@@ -215,10 +222,18 @@ def _folder(chosen: str) -> Path:
     return Path(str(resources.files("flapgym.control") / "agents" / chosen))
 
 
-def _set_for(model: TurbineModel) -> str:
+def _sets(name: str) -> tuple[str, ...]:
+    """The sets that have a shipped agent of this name; none for any other name, and for open loop, which is no file."""
+    if name in FIELD_AGENT_NAMES:
+        return FIELD_AGENT_SETS
+    return AGENT_SETS if name in AGENT_NAMES and name != OpenLoop.name else ()
+
+
+def _set_for(sets: tuple[str, ...], model: TurbineModel) -> str:
     """The set of agents made for a model; the first where none is."""
-    own = (each for each in AGENT_SETS if _read(_folder(each) / "pd.json")["model_hash"] == model.hash)
-    return next(own, AGENT_SETS[0])
+    told = _TELLS[sets]
+    own = (each for each in sets if _read(_folder(each) / f"{told}.json")["model_hash"] == model.hash)
+    return next(own, sets[0])
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -228,7 +243,7 @@ def _read(path: Path) -> dict[str, Any]:
     except FileNotFoundError as error:
         raise ValueError(
             f"agent {error}; give the path of an agent's .json file, which flapgym.control.save_agent writes, "
-            f"or one of {', '.join(AGENT_NAMES)}"
+            f"or one of {', '.join((*AGENT_NAMES, *FIELD_AGENT_NAMES))}"
         ) from None
     except ValueError as error:
         raise ValueError(f"agent {error}") from None

@@ -145,3 +145,19 @@ class Policy:
         if self.per_blade:
             action = action.reshape(*action.shape[:-2], BLADES * self.flaps)
         return action.astype(np.float32), None
+
+    def slope_at_rest(self) -> Array:
+        """Change of its network's actions per change of what the network sees, about an observation of zero.
+
+        In the units of action and observation, (outputs, inputs).
+        """
+        hidden = -self.offset * self.scale
+        slope = np.diag(self.scale)
+        for index, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if index:
+                tanh = self.activation == "tanh"
+                slope = (1.0 - np.tanh(hidden) ** 2 if tanh else 1.0 * (hidden > 0.0))[:, None] * slope
+                hidden = np.tanh(hidden) if tanh else np.maximum(hidden, 0.0)
+            hidden, slope = weight @ hidden + bias, weight @ slope
+        last = 1.0 - np.tanh(hidden) ** 2 if self.squash == "tanh" else 1.0 * (np.abs(hidden) < 1.0)
+        return np.asarray(last[:, None] * slope)

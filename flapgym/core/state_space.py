@@ -196,6 +196,38 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
     )
 
 
+def feedback(plant: StateSpace, law: StateSpace) -> StateSpace:
+    """A plant under a law that answers some of its outputs by some of its inputs, by name, and never at once.
+
+    What else is given on those inputs adds to the law's. Inputs are the plant's, outputs the plant's, then the law's;
+    the law's states stand last.
+
+    Raises
+    ------
+    ValueError
+        If the law answers at once, or the time steps or the names do not go together.
+    """
+    require_time_step("feedback.law.time_step", law.time_step, plant.time_step, "the plant's")
+    if law.D.any():
+        raise ValueError("feedback.law.D: expected zeros, as the plant may answer at once, got others")
+    seen, driven = plant.select(outputs=law.inputs), plant.select(inputs=law.outputs)
+    answered = law.C
+    return StateSpace(
+        A=np.block(
+            [
+                [plant.A, driven.B @ answered],
+                [law.B @ seen.C, law.A + law.B @ driven.select(outputs=law.inputs).D @ answered],
+            ]
+        ),
+        B=np.vstack([plant.B, law.B @ seen.D]),
+        C=np.block([[plant.C, driven.D @ answered], [np.zeros((len(law.outputs), plant.order)), answered]]),
+        D=np.vstack([plant.D, np.zeros((len(law.outputs), len(plant.inputs)))]),
+        time_step=plant.time_step,
+        inputs=plant.inputs,
+        outputs=(*plant.outputs, *law.outputs),
+    )
+
+
 def require_time_step(name: str, given: float, expected: float, whose: str) -> None:
     """Refuse a system that was sampled at another time step than the one it meets.
 

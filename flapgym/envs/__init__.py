@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 from flapgym.envs.registration import register_environments
 
 if TYPE_CHECKING:
+    from flapgym.envs.operating_range import FlapRangeEnv
     from flapgym.envs.single import FlapEnv
     from flapgym.envs.vector import FlapVectorEnv
 
-__all__ = ["FlapEnv", "FlapVectorEnv", "register_environments"]
+__all__ = ["FlapEnv", "FlapRangeEnv", "FlapVectorEnv", "register_environments"]
 
 
 def __getattr__(name: str) -> Any:
@@ -19,6 +20,10 @@ def __getattr__(name: str) -> Any:
         from flapgym.envs.single import FlapEnv
 
         return FlapEnv
+    if name == "FlapRangeEnv":
+        from flapgym.envs.operating_range import FlapRangeEnv
+
+        return FlapRangeEnv
     if name == "FlapVectorEnv":
         from flapgym.envs.vector import FlapVectorEnv
 

@@ -53,16 +53,18 @@ def score(scoring, squares, blades, angle_square):  # type: ignore[no-untyped-de
 
 
 @njit(**OPTIONS)
-def observe(entries, noise, told, observation):  # type: ignore[no-untyped-def]
-    """`flapgym.envs.task.observe` for one turbine; entries are columns, factors, bounds and noisy blades."""
+def observe(entries, added, told, observation):  # type: ignore[no-untyped-def]
+    """`flapgym.envs.task.observe` for one turbine; entries are columns, factors, offsets, bounds and what is added."""
     count = observation.size
     for i in range(count):
-        value, noisy = told[int(entries[i])], int(entries[3 * count + i])
-        if noise.size > 0 and noisy >= 0:
-            value += noise[noisy]
-        bound = np.float32(entries[2 * count + i])
+        column, own = int(entries[i]), int(entries[4 * count + i])
+        value = told[column] if column >= 0 else 0.0
+        if added.size > 0 and own >= 0:
+            value += added[own]
+        value = value * entries[count + i] + entries[2 * count + i]
+        bound = np.float32(entries[3 * count + i])
         # Rounded before it is bounded: a stop rounded up would leave the space.
-        observation[i] = min(max(np.float32(value * entries[count + i]), -bound), bound)
+        observation[i] = min(max(np.float32(value), -bound), bound)
 
 
 def _entry(edition: int):  # type: ignore[no-untyped-def]
@@ -93,8 +95,8 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         squares_at = told_at + size
         scoring_at = squares_at + s.blades + s.fixed_outputs
         entries_at = scoring_at + 4
-        begun_at = entries_at + 4 * observation.size
-        noise_at = begun_at + 3
+        begun_at = entries_at + 5 * observation.size
+        added_at = begun_at + 3
 
         elapsed, level, azimuth = int(own[begun_at]), own[begun_at + 1], own[begun_at + 2]
         now_at, next_at = modes_at + elapsed % 2 * s.modes, modes_at + (elapsed + 1) % 2 * s.modes
@@ -134,9 +136,10 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
             s, ONE, START, clock, angle, heading, motion, work, rows, wind, level, told, squares, feed
         )
         own[begun_at] = elapsed + 1.0
-        # Past the end of an episode there is no more noise.
-        at = noise_at + min(elapsed + 1, s.intervals) * s.blades
-        observe(own[entries_at:begun_at], own[at : at + s.blades], told, observation)
+        # Past the end of an episode there is no more of it.
+        width = (own.size - added_at) // (s.intervals + 1)
+        at = added_at + min(elapsed + 1, s.intervals) * width
+        observe(own[entries_at:begun_at], own[at : at + width], told, observation)
         reward, of_moments, of_angles, of_tower = score(
             own[scoring_at:entries_at], squares, s.blades, angle_square
         )
@@ -158,7 +161,7 @@ class CompiledTurbine:
     step, in turns; rows and inputs to work in; the response to the episode's wind. `own`, in double precision, holds
     sizes (as whole numbers), time step, azimuth of an interval, its cosine and sine, actuators, `settling`, motion,
     numbers to work in, heading, what is told with mean squares behind it, scoring, entries of the observation, actions
-    since the reset, level of the response, azimuth at the reset, and measurement noise.
+    since the reset, level of the response, azimuth at the reset, and what sensors add of their own.
 
     Parameters
     ----------
@@ -185,7 +188,7 @@ class CompiledTurbine:
         told = begin + MOTION * count + work_size.py_func(s) + 2
         self._told = slice(told, told + plant.quantities.size + s.blades)
         head = [scoring.fore_aft, scoring.rbm_weight, scoring.angle_weight, scoring.tower_weight]
-        table = (scoring.columns, scoring.factors, scoring.bounds, scoring.noisy)
+        table = (scoring.columns, scoring.factors, scoring.offsets, scoring.bounds, scoring.added)
         room = np.zeros(self._told.stop + s.fixed_outputs - begin)
         self._constants = np.concatenate([fixed, room, head, *table], dtype=float)
         self.load(np.empty((0, 0)))
@@ -199,11 +202,11 @@ class CompiledTurbine:
         begin, size = self._modes, self._plant.parameters.sizes.modes
         return slice(begin + elapsed % 2 * size, begin + (elapsed % 2 + 1) * size)
 
-    def load(self, noise: Array) -> None:
-        """Take the plant's turbine, and its measurement noise (intervals + 1, blades) [N m], or none of size 0."""
+    def load(self, own: Array) -> None:
+        """Take the plant's turbine, and its sensors' own numbers (intervals + 1, S), or none of size 0."""
         episode, state = self._plant.episode, self._plant.state
         begun = [state.elapsed[0], episode.level[0], episode.azimuth[0]]
-        self._own = np.concatenate([self._constants, begun, noise.ravel()])
+        self._own = np.concatenate([self._constants, begun, own.ravel()])
         self._own[self._flaps] = state.flaps.ravel()
         self._begun = self._constants.size
         self._real[self._modes_after(int(state.elapsed[0]))] = state.modes[0]

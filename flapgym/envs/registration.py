@@ -24,6 +24,8 @@ class Registered:
         Keywords that differ from the defaults of its class.
     manual : str
         What its page says in place of the manual of its class, which holds for all else.
+    entry_point, vector_entry_point : str or None
+        Of its classes; without one of its own for vectors Gymnasium puts single ones side by side.
     agents : str
         The set of shipped agents made for its turbine: a folder of `flapgym/control/agents`; empty if there is none.
     """
@@ -32,6 +34,8 @@ class Registered:
     summary: str
     keywords: Mapping[str, Any] = field(default_factory=dict)
     manual: str = ""
+    entry_point: str = "flapgym.envs.single:FlapEnv"
+    vector_entry_point: str | None = "flapgym.envs.vector:FlapVectorEnv"
     agents: str = "nrel5mw-corrected"
 
 
@@ -154,9 +158,21 @@ _AT_A_SITE = (
         {"model": "nrel5mw-site", **_SITE, "pitch": True},
     ),
 )
+_RANGE = Registered(
+    "flapgym/NREL5MWRange-v0",
+    "The same site from cut-in to cut-out. Each episode has a mean wind of its own, 5, 7, 9 to 25 m/s, or those within "
+    "`wind_speed=(low, high)`; torque and collective pitch hold the rotor's speed, which moves about the operating "
+    "point's. `wind_speed` may be observed: a slow estimate from rotor speed and pitch. `make_vec` puts single "
+    "environments side by side.",
+    {"model": "nrel5mw-range", **_SITE},
+    entry_point="flapgym.envs.operating_range:FlapRangeEnv",
+    vector_entry_point=None,
+    agents="",
+)
 ENVIRONMENTS = (
     *(replace(entry, id=f"{entry.id}-v1") for entry in _FAMILIES),
     *_AT_A_SITE,
+    _RANGE,
     *(_of_the_paper(entry) for entry in _FAMILIES),
 )
 """Every environment of the package: version 1 on the turbine held to OpenFAST, version 0 on the paper's."""
@@ -168,8 +184,8 @@ def register_environments() -> None:
         if entry.id not in gymnasium.registry:
             gymnasium.register(
                 id=entry.id,
-                entry_point="flapgym.envs.single:FlapEnv",
-                vector_entry_point="flapgym.envs.vector:FlapVectorEnv",
+                entry_point=entry.entry_point,
+                vector_entry_point=entry.vector_entry_point,
                 kwargs=dict(entry.keywords),
                 # The environment itself sees to the order of calls and checks its actions; the wrappers that do it for
                 # others would take a tenth of a step.

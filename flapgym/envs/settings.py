@@ -19,12 +19,13 @@ from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Choice, Count, Flag, OrNone, Quantity, TupleOf, check_fields, from_plain
 from flapgym.core.wording import number, shown
 from flapgym.envs.task import Task
+from flapgym.model.model_set import is_model_set, load_model_set
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
 from flapgym.plant import BACKENDS, PRECISIONS, Faults, GivenWind, Surroundings
 from flapgym.plant.surroundings import require_inputs
 from flapgym.turbine import BUILT_IN, load_case
-from flapgym.wind import BoxFile, Inflow, Wind, turbulence_of
+from flapgym.wind import BoxFile, Inflow, Lidar, Wind, turbulence_of
 from flapgym.wind.box_field import BoxField
 from flapgym.wind.gusts import ROUNDING, DiskGust, Gust, Recorded, gust_of
 from flapgym.wind.turbulence import Turbulence
@@ -82,7 +83,7 @@ class Actuators:
 
 @dataclass(frozen=True)
 class Sensors:
-    """What stands between a root bending moment and its observation; the reward sees none of it.
+    """What stands between a root bending moment and its observation, and what looks upwind; the reward sees none of it.
 
     Attributes
     ----------
@@ -90,10 +91,13 @@ class Sensors:
         Standard deviation of white noise [N m].
     delay : float
         By which the moments are late [s], whole plant steps.
+    lidar : Lidar, mapping or None
+        That measures the wind before it comes, `{"range": 100.0, "radius": 40.0}`.
     """
 
     noise: Annotated[float, Quantity("moment", at_least=0.0, at_most=5e7)] = 0.0
     delay: Annotated[float, Quantity("time", at_least=0.0, at_most=LONGEST_DELAY)] = 0.0
+    lidar: Annotated[Lidar | Mapping[str, Any] | None, OrNone(Lidar)] = None
 
     def __post_init__(self) -> None:
         check_fields(self, "sensors")
@@ -167,7 +171,7 @@ class Settings:
         ValueError
             If it was built for another wind speed; the message says how to build the right one.
         """
-        model = self.model if isinstance(self.model, TurbineModel) else load_model(self.model)
+        model = self._loaded()
         if self.wind_speed is not None and not math.isclose(self.wind_speed, model.wind_speed, rel_tol=1e-9):
             wanted = number(self.wind_speed)
             target = f"{model.name}-{wanted}mps"
@@ -179,6 +183,20 @@ class Settings:
                 f'model="{target}.safetensors"'
             )
         return model
+
+    def _loaded(self) -> TurbineModel:
+        """The model itself; of a set the one built for the wind speed."""
+        if isinstance(self.model, TurbineModel):
+            return self.model
+        if not is_model_set(self.model):
+            return load_model(self.model)
+        models = load_model_set(self.model)
+        if self.wind_speed is None:
+            raise ValueError(
+                f"wind_speed: expected one of {', '.join(map(number, models.wind_speeds))} m/s with the set "
+                f"{self.model}, got none; flapgym/NREL5MWRange-v0 draws one each episode"
+            )
+        return models.at(self.wind_speed)
 
     def surroundings(self, model: TurbineModel) -> Surroundings:
         """Field and steady inflow on the turbine of a model, and gravity.
@@ -254,6 +272,26 @@ class Settings:
             return GivenWind(wind[1:], wind[0])
         wind = self.wind.given(time, model.wind_speed, diameter, plate.hub_height)
         return GivenWind(wind[1:], float(wind[0]))
+
+    def gust_ahead(self, model: TurbineModel, lidar: Lidar, arrival: Array) -> Array:
+        """What a lidar's beams measure of the gust, (S, N) [m/s] along them, by when it arrives (S,) [s].
+
+        A recording is taken to stay at its end.
+        """
+        if self.wind.gust is None:
+            return np.zeros((len(arrival), lidar.beams))
+        before, weights = lidar.along(model.wind_speed)
+        time = (arrival[:, None] - before).ravel()
+        gust = gust_of(self.wind.gust)
+        if isinstance(gust, Recorded):
+            time = np.minimum(time, gust.lasts())
+        plate = nameplate(model.case)
+        diameter = None if plate.rotor_radius is None else 2.0 * plate.rotor_radius
+        radius = np.array([lidar.radius])
+        found = self.wind.given_by_strip(time, model.wind_speed, radius, diameter, plate.hub_height)
+        found = weights @ found.reshape(len(arrival), len(weights), -1)
+        of_beams = np.stack([np.ones(lidar.beams), np.cos(lidar.azimuths), np.sin(lidar.azimuths)])
+        return lidar.projection * (found @ of_beams)
 
     def _require_turning(self, gust: Gust) -> None:
         """Refuse a gust that differs over the disk where the winds by strip do not turn."""

@@ -81,6 +81,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `wind` | 1 | m/s | 50 | wind perturbation along the shaft; in a field its mean over the disk |
     | `pitch_angle` | 3 | rad | angle stop, 0.0873 | with `pitch=True`: pitch from the operating point's |
     | `pitch_rate` | 3 | rad/s | rate stop, 0.1396 | with `pitch=True`: its rate |
+    | `lidar` | 3 | m/s | 50 | with `sensors.lidar`: u_0, u_c, u_s of the wind that comes, made of its beams |
+    | `lidar_beams` | N | m/s | 50 | with `sensors.lidar`: wind perturbation along each beam |
 
     The default, `("rbm",)`, is what the paper measures. RBM alone says too little for a policy without memory: training
     works with `("rbm", "flap_angle", "flap_rate")`. Further outputs of a model, `[signals]` in its case, go by their
@@ -139,6 +141,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `flap_travel` (3,) | both | way gone since the reset [rad] |
     | `flap_stopped` (3,) | both | whether the flap met a stop in the interval |
     | `pitch_angle`, `pitch_rate`, `pitch_travel`, `pitch_stopped` (3,) | both | with `pitch=True`: the same of pitch |
+    | `lidar` (3,), `lidar_beams` (N,) | both | with `sensors.lidar`: as observed [m/s] |
     | `rbm_mean_square` (3,) | `step` | over the interval [N^2 m^2] |
 
     and a model's further outputs by their names. Where steady inflow or gravity is given, `full_info=True` adds
@@ -171,6 +174,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `actuators.effectiveness` | `(1.0, 1.0, 1.0)` | factors on what flaps do to the air; 0 floats, aligned with it |
     | `sensors.noise` | 0.0 | rms of white noise on the observed RBM [N m], to 5e7; the reward sees none |
     | `sensors.delay` | 0.0 | by which the observed RBM is late [s], whole plant steps, to 60; the reward is not |
+    | `sensors.lidar` | `None` | measures the wind before it comes, see below |
     | `duration` | 20.0 | of an episode [s], 0.001 to 100,000 |
     | `steps_per_action` | 5 | plant steps for which an action is held; 1 is the paper's, 5 to 10 train well |
     | `single_blade` | `False` | the model's clamped blade by itself in place of the turbine |
@@ -210,6 +214,23 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `yaw_error` | 0.0 | [rad], below 60 deg; positive where the wind blows to the left of one who looks downwind |
     | `upflow` | 0.0 | inclination of the wind upwards [rad], below 60 deg |
     | `tower_shadow` | `False` | whether the blades feel the tower's dam ahead of it |
+
+    ## Lidar
+
+    `sensors.lidar` is a mapping of these entries, or an object of `flapgym.wind.Lidar`. It sees the wind that the
+    blades meet range / mean wind later, a field, a box, the homogeneous turbulence and a gust alike, without what is
+    steady (`wind.inflow`). With it a seed brings the same wind as without. docs/wind.md says what it sees.
+
+    | entry | default | meaning |
+    |---|---|---|
+    | `range` | | from the rotor to where its beams measure [m], 1 to 1000 |
+    | `radius` | | of the circle there on which they do [m], to 500; 0 for one beam ahead of the hub |
+    | `beams` | 4 | evenly around it, the first upright |
+    | `probe_length` | 30.0 | full width at half height of the mean along a beam [m], to 200 |
+    | `decay` | 2.0 | a of the coherence exp(-a f range / mean wind) with what arrives, to 100; a box needs 0 |
+    | `sample_rate` | 4.0 | measurements a second [Hz], 0.1 to 100; the newest is held |
+    | `delay` | 0.0 | until one is told [s], to 60 |
+    | `noise` | 0.0 | rms of white noise on each beam [m/s], to 10 |
 
     ## Gusts
 
@@ -287,7 +308,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.__dict__.update(state)
         self._compiled = self._compile()
         if self._compiled is not None:
-            self._compiled.load(self._turbines.noise_of(0))
+            self._compiled.load(self._turbines.own_of(0))
 
     def _compile(self) -> CompiledTurbine | None:
         """The turbine in compiled code, where there is any."""
@@ -310,9 +331,14 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._turbines.observed
 
     @property
+    def actions(self) -> int:
+        """Actions of an episode."""
+        return self._turbines.stepping.intervals
+
+    @property
     def spec(self) -> EnvSpec | None:
         """What makes such an environment again, with the number of actions of an episode."""
-        return completed(self._spec, self._turbines.stepping.intervals)
+        return completed(self._spec, self.actions)
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
@@ -372,7 +398,10 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             del info["azimuth"]
         if self._full:
             told = self._compiled.told
-            infos = self._turbines.info(told[None])
+            own = self._turbines.own_of(0)
+            infos = self._turbines.info(
+                told[None], own[None, min(self._elapsed, self._last)] if own.size else None
+            )
             if self._screen is not None:
                 self._show(_only(infos))
             if self.settings.full_info:
@@ -451,7 +480,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Hand the turbine to the compiled code, as it is now."""
         self._elapsed = 0
         if self._compiled is not None:
-            self._compiled.load(self._turbines.noise_of(0))
+            self._compiled.load(self._turbines.own_of(0))
 
     def _told(self, infos: Info) -> Info:
         """What is told of the one turbine: numbers always, arrays under `full_info`, samples where recorded."""

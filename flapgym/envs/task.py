@@ -30,6 +30,8 @@ class Observable:
         Largest magnitude for a model; larger values are clipped. Of flaps, one each (F,).
     factor : float
         From SI to the unit.
+    offset : callable
+        What is added for a model, in the unit.
     """
 
     sources: tuple[str, ...]
@@ -37,6 +39,7 @@ class Observable:
     meaning: str
     bound: Callable[[TurbineModel], Any]
     factor: float = 1.0
+    offset: Callable[[TurbineModel], float] = lambda model: 0.0
 
 
 def _stop_of_pitch(model: TurbineModel, name: str) -> float:
@@ -86,13 +89,33 @@ OBSERVABLES: dict[str, Observable] = {
         "pitch rate of blades 1 to 3",
         lambda model: _stop_of_pitch(model, "rate_limit"),
     ),
+    "wind_speed": Observable(
+        ("wind_speed_estimate",),
+        "m/s",
+        "mean wind as rotor speed or pitch tell it slowly",
+        lambda model: 100.0,
+        offset=lambda model: model.wind_speed,
+    ),
+    "lidar": Observable(
+        ("lidar",),
+        "m/s",
+        "mean and cosine and sine of the azimuth of the wind that comes, as a lidar makes them of its beams",
+        lambda model: 50.0,
+    ),
+    "lidar_beams": Observable(
+        ("lidar_beams",), "m/s", "wind perturbation along each beam of a lidar", lambda model: 50.0
+    ),
 }
 """What there is to observe of any model. Perturbations about the steady equilibrium, except flap and azimuth."""
 TURBINE_ONLY = frozenset(("azimuth", "tower_top"))
 """Those a single blade does not have."""
+SPEED = frozenset(("wind_speed",))
+"""Those of a model whose rotor's speed is controlled."""
 PITCH = frozenset(("pitch_angle", "pitch_rate"))
 """Those of a turbine whose pitch moves."""
-CHEAP = frozenset(("rbm", "flap_angle", "flap_rate", "azimuth", "wind")) | PITCH
+LIDAR = frozenset(("lidar", "lidar_beams"))
+"""Those of a lidar, which no plant tells."""
+CHEAP = frozenset(("rbm", "flap_angle", "flap_rate", "azimuth", "wind")) | PITCH | LIDAR
 """Those a plant tells even where its stepping has no displacements."""
 
 
@@ -154,8 +177,15 @@ class Task:
     def __post_init__(self) -> None:
         check_fields(self, "task")
 
-    def on(self, model: TurbineModel, quantities: Quantities) -> Scoring:
+    def on(self, model: TurbineModel, quantities: Quantities, sensed: Mapping[str, slice]) -> Scoring:
         """The same for what a plant of the model tells.
+
+        Parameters
+        ----------
+        model : TurbineModel
+        quantities : Quantities
+        sensed : mapping of slice
+            Where what no plant tells stands in what sensors add of their own.
 
         Raises
         ------
@@ -167,28 +197,40 @@ class Task:
             raise ValueError(
                 f"task.tower_weight: expected 0 for a single blade, got {shown(self.tower_weight)}"
             )
-        columns, noisy = list[int](), list[int]()
-        factors, bounds = list[float](), list[float]()
+        columns, added = list[int](), list[int]()
+        factors, offsets, bounds = list[float](), list[float](), list[float]()
         for name in self.observe:
             of_model = name in (*model.blade_outputs, *model.fixed_outputs)
             if single and (name in TURBINE_ONLY or (of_model and name not in quantities.last)):
                 raise ValueError(f"task.observe: a single blade has no {name}; leave it out")
             if name in PITCH and not quantities.pitch:
                 raise ValueError(f"task.observe: {name} takes pitch=True; leave it out without")
+            if name in SPEED and not all(source in quantities.last for source in OBSERVABLES[name].sources):
+                raise ValueError(
+                    f"task.observe: {name} takes a turbine whose rotor speed is controlled, as of the models "
+                    "nrel5mw-range; leave it out"
+                )
+            if name in LIDAR and name not in sensed:
+                raise ValueError(f"task.observe: {name} takes sensors.lidar; leave it out without")
             entry = observable(name, model)
             for source in entry.sources:
-                place = quantities.last[source]
+                place = sensed[source] if source in sensed else quantities.last[source]
                 size = place.stop - place.start
-                columns += range(place.start, place.stop)
+                columns += [-1] * size if source in sensed else range(place.start, place.stop)
                 factors += [entry.factor] * size
+                offsets += [entry.offset(model)] * size
                 bounds += np.resize(entry.bound(model), size).tolist()
-                noisy += range(size) if source == "rbm" else [-1] * size
+                if source in sensed:
+                    added += range(place.start, place.stop)
+                else:
+                    added += range(size) if source == "rbm" else [-1] * size
         fore_aft = model.fixed_outputs.index("tower_fore_aft") if self.tower_weight else -1
         return Scoring(
             columns=np.array(columns, dtype=np.int64),
             factors=np.array(factors),
+            offsets=np.array(offsets),
             bounds=np.array(bounds, dtype=np.float32),
-            noisy=np.array(noisy, dtype=np.int64),
+            added=np.array(added, dtype=np.int64),
             rbm_weight=1.0 / model.rbm_rms**2,
             angle_weight=self.flap_angle_weight,
             tower_weight=self.tower_weight,
@@ -196,11 +238,14 @@ class Task:
         )
 
 
-def places(task: Task, model: TurbineModel, quantities: Quantities) -> dict[str, range]:
+def places(
+    task: Task, model: TurbineModel, quantities: Quantities, sensed: Mapping[str, slice]
+) -> dict[str, range]:
     """Where each name stands in an observation."""
     found, first = {}, 0
     for name in task.observe:
-        sources = [quantities.last[source] for source in observable(name, model).sources]
+        told = quantities.last | dict(sensed)
+        sources = [told[source] for source in observable(name, model).sources]
         size = sum(place.stop - place.start for place in sources)
         found[name] = range(first, first + size)
         first += size
@@ -213,13 +258,15 @@ class Scoring(NamedTuple):
     Attributes
     ----------
     columns : (observed,) int
-        Places among the plant's numbers.
+        Places among the plant's numbers; -1 for what is a sensor's alone.
     factors : (observed,) float
         On the value.
+    offsets : (observed,) float
+        Added to the product.
     bounds : (observed,) float32
-        Of the product.
-    noisy : (observed,) int
-        Blade whose measurement noise is added to the value, or -1.
+        Of the sum.
+    added : (observed,) int
+        Which of the sensors' own numbers is added to the value, or -1: a blade's measurement noise, a lidar's signal.
     rbm_weight, angle_weight, tower_weight : float
         Reward lost per mean square of moment [1 / (N m)^2], flap angle over stop, and fore-aft displacement [1 / m^2].
     fore_aft : int
@@ -228,20 +275,23 @@ class Scoring(NamedTuple):
 
     columns: IntArray
     factors: Array
+    offsets: Array
     bounds: NDArray[np.float32]
-    noisy: IntArray
+    added: IntArray
     rbm_weight: float
     angle_weight: float
     tower_weight: float
     fore_aft: int
 
 
-def observe(scoring: Scoring, last: Array, noise: Array | None = None) -> np.ndarray:
-    """Observations (n, observed) float32 of a plant's numbers (n, size), with measurement noise (n, blades) [N m]."""
+def observe(scoring: Scoring, last: Array, own: Array | None = None) -> np.ndarray:
+    """Observations (n, observed) float32 of a plant's numbers (n, size) and of sensors' own (n, S), in SI units."""
     values = last.take(scoring.columns, axis=1)
-    if noise is not None:
-        values += np.where(scoring.noisy >= 0, noise[:, scoring.noisy], 0.0)
+    if own is not None:
+        values[:, scoring.columns < 0] = 0.0
+        values += np.where(scoring.added >= 0, own[:, scoring.added], 0.0)
     values *= scoring.factors
+    values += scoring.offsets
     # Rounded before it is bounded: a stop rounded up to float32 would leave the space.
     packed = values.astype(np.float32)
     np.minimum(packed, scoring.bounds, out=packed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import gymnasium
 import numpy as np
@@ -36,8 +36,9 @@ from flapgym.plant import LinearPlant, Loads, Quantities, Start, Stepping, chose
 from flapgym.plant.fingerprint import fingerprint
 from flapgym.plant.responses import realisation_azimuth
 from flapgym.reduction import output_rms
-from flapgym.wind import von_karman_filter
+from flapgym.wind import Lidar, von_karman_filter
 from flapgym.wind.box_field import BoxField
+from flapgym.wind.lidar import ESTIMATES
 
 MOTION = ("flap_angle", "flap_rate")
 PITCH_MOTION = ("pitch_angle", "pitch_rate")
@@ -104,8 +105,12 @@ class Turbines:
             surroundings=settings.surroundings(self.model),
         )
         self.quantities = self.stepping.quantities(self.model)
-        self.scoring = task.on(self.model, self.quantities)
-        self.observed = places(task, self.model, self.quantities)
+        # A mapping was made an object of when it was checked.
+        self._lidar = cast("Lidar | None", settings.sensors.lidar)
+        blades = self.quantities.blades
+        sensed = places_sensed(blades, self._lidar)
+        self.scoring = task.on(self.model, self.quantities, sensed)
+        self.observed = places(task, self.model, self.quantities, sensed)
         """Where each name stands in an observation."""
         self._told = columns_told(self.quantities)
         self._sampled = columns_of(self.quantities, self.quantities.sample)
@@ -114,11 +119,15 @@ class Turbines:
         # Kept, because a plant computes the response to a gust it has met before only once.
         self._gust = settings.given_wind(self.model)
         self.plant = make_plant(self.model, count, self.stepping, settings.backend)
-        blades = self.quantities.blades
-        self._noise = np.empty((count, 0, 0))
-        """Of the sensors, (n, intervals + 1, blades) [N m]; of size 0 without any."""
-        if settings.sensors.noise:
-            self._noise = np.zeros((count, self.stepping.intervals + 1, blades))
+        self._own = np.empty((count, 0, 0))
+        """What sensors add of their own, (n, intervals + 1, S): noise of each blade's moment [N m], then the lidar's
+        signals [m/s]; of size 0 without any."""
+        if settings.sensors.noise or self._lidar is not None:
+            last = max((place.stop for place in sensed.values()), default=blades)
+            self._own = np.zeros((count, self.stepping.intervals + 1, last))
+        self._sensed = columns_of(self.quantities, sensed)
+        if self._lidar is not None:
+            self._prepare(self._lidar)
         self._past = np.zeros((count, self._delay, blades))
         """Moments of the last samples, the oldest first [N m], as far as the sensors are late."""
         # Once, and as a text, of which every state has a copy of its own.
@@ -152,9 +161,32 @@ class Turbines:
         if isinstance(self.plant, LinearPlant):
             self.plant.get_ready()
 
-    def noise_of(self, turbine: int) -> Array:
-        """Measurement noise of a turbine over its episode, (intervals + 1, blades) [N m], or of size 0."""
-        return self._noise[turbine]
+    def own_of(self, turbine: int) -> Array:
+        """What sensors add of their own over a turbine's episode, (intervals + 1, S), or of size 0."""
+        return self._own[turbine]
+
+    def _prepare(self, lidar: Lidar) -> None:
+        """Find when what the lidar measures arrives, and what it sees of the gust.
+
+        Raises
+        ------
+        ValueError
+            If it tells of wind that has passed or is not known yet, or sees a box change that is frozen.
+        """
+        speed = self.model.wind_speed
+        lidar.require_ahead(speed, self.plant.known_ahead, "sensors.lidar")
+        if isinstance(self.stepping.surroundings.field, BoxField) and lidar.decay:
+            raise ValueError(
+                f"sensors.lidar.decay: expected 0 with a box, which is frozen, got {number(lidar.decay)}"
+            )
+        told = self.action_time * np.arange(self.stepping.intervals + 1, dtype=np.float64)
+        self._newest, self._arrival = lidar.schedule(told, speed)
+        self._gust_ahead = self.settings.gust_ahead(self.model, lidar, self._arrival)
+
+    def _signals(self, lidar: Lidar, start: Start) -> Array:
+        """Its beams and what it makes of them in m episodes, (m, intervals + 1, N + 3) [m/s]."""
+        beams = self.plant.upwind(lidar, start, self._arrival) + self._gust_ahead
+        return np.concatenate([beams, beams @ lidar.estimator.T], axis=2)[:, self._newest]
 
     def begin(
         self,
@@ -177,8 +209,8 @@ class Turbines:
         loads = self._reset(turbines, generators, chosen)
         for turbine, origin in zip(turbines, origins, strict=True):
             self._origins[turbine] = origin
-        now = self._noise[turbines, 0] if self._noise.size else None
-        return observe(self.scoring, loads.last, now), self.info(loads.last)
+        now = self._own[turbines, 0] if self._own.size else None
+        return observe(self.scoring, loads.last, now), self.info(loads.last, now)
 
     def wind_over_disk(self, turbine: int) -> EpisodeWind | None:
         """What blows at a turbine's blades in its episode, made again: no plant keeps it. None without a field."""
@@ -222,8 +254,11 @@ class Turbines:
             drawn = chosen[row]["realisation_seed"] if start.realisation is None else start.realisation[row]
             source = whence(generators[row], drawn)
             warn_beyond(self.model, in_words(self.settings.wind), source, strongest[row])
+        blades = self.quantities.blades
         if noise is not None:
-            self._noise[turbines] = noise[:, :, : self.quantities.blades]
+            self._own[turbines, :, :blades] = noise[:, :, :blades]
+        if self._lidar is not None:
+            self._own[turbines, :, blades:] = self._signals(self._lidar, start)
         # Before an episode the moments are taken to have been those of its first sample.
         self._past[turbines] = loads.last[:, None, self.quantities.last["rbm"]]
         return loads
@@ -238,11 +273,11 @@ class Turbines:
         loads = self.plant.step(values)
         elapsed = self.plant.elapsed
         now = None
-        if self._noise.size:
-            now = self._noise[np.arange(self.count), np.minimum(elapsed, self.stepping.intervals)]
+        if self._own.size:
+            now = self._own[np.arange(self.count), np.minimum(elapsed, self.stepping.intervals)]
         observation = observe(self.scoring, self._as_measured(loads), now)
         reward, of_moments, of_angles, of_tower = rewards(self.scoring, loads)
-        info = self.info(loads.last)
+        info = self.info(loads.last, now)
         info["rbm_mean_square"] = loads.rbm_square
         info["reward_rbm"], info["reward_flap_angle"], info["reward_tower"] = of_moments, of_angles, of_tower
         if self.settings.record_samples:
@@ -262,9 +297,19 @@ class Turbines:
         late[:, self.quantities.last["rbm"]] = seen[:, -self._delay - 1]
         return late
 
-    def info(self, last: Array) -> Info:
-        """SI quantities of the last sample, for n turbines; copies, because a view would keep all numbers alive."""
+    def info(self, last: Array, own: Array | None) -> Info:
+        """SI quantities of the last sample, for n turbines; copies, because a view would keep all numbers alive.
+
+        Parameters
+        ----------
+        last : (n, size) float
+            Of the plant.
+        own : (n, S) float or None
+            Of the sensors, if there is any.
+        """
         told: Info = {name: last.take(columns, axis=1) for name, columns in self._told.items()}
+        if own is not None:
+            told |= {name: own.take(columns, axis=1) for name, columns in self._sensed.items()}
         for name in ("flap_stopped", "pitch_stopped")[: 1 + self.quantities.pitch]:
             told[name] = told[name] != 0.0
         if self.settings.full_info and self.stepping.surroundings.steady:
@@ -503,6 +548,14 @@ def with_blade_rms(model: TurbineModel) -> TurbineModel:
     )
     joint = series(shaping, model.blade.select(["wind"], ["rbm"]))
     return dataclasses.replace(model, rbm_rms=float(output_rms(joint)[0]))
+
+
+def places_sensed(blades: int, lidar: Lidar | None) -> dict[str, slice]:
+    """Where what no plant tells stands among the sensors' own numbers, behind the moments' noise."""
+    if lidar is None:
+        return {}
+    last = blades + lidar.beams
+    return {"lidar_beams": slice(blades, last), "lidar": slice(last, last + ESTIMATES)}
 
 
 def columns_of(quantities: Quantities, places: Mapping[str, slice]) -> dict[str, IntArray | int]:

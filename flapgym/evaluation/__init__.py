@@ -7,19 +7,22 @@ from flapgym.evaluation.compare import compare
 from flapgym.evaluation.comparison import SCORED_SEED, Comparison, Plan, Score, plan, run
 from flapgym.evaluation.metrics import (
     Metrics,
-    Record,
     damage_equivalent_load,
     damage_equivalent_loads,
     measure,
     root_mean_square,
     summed_damage_load,
 )
+from flapgym.evaluation.published import Bound
+from flapgym.evaluation.record import Record
 from flapgym.evaluation.report import as_json, as_markdown, as_text, writable_folder, write_report
+from flapgym.evaluation.series import as_dataset, write_series
 from flapgym.evaluation.simulate import simulate, simulate_together, steady_loads
 
 __all__ = [
     "SCORED_SEED",
     "Bands",
+    "Bound",
     "ChannelLoads",
     "ChannelScore",
     "Comparison",
@@ -30,6 +33,7 @@ __all__ = [
     "Score",
     "SlopeScore",
     "Split",
+    "as_dataset",
     "as_json",
     "as_markdown",
     "as_text",
@@ -51,4 +55,5 @@ __all__ = [
     "summed_damage_load",
     "writable_folder",
     "write_report",
+    "write_series",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -13,23 +12,15 @@ from flapgym.core.arrays import Array
 from flapgym.core.fields import Numbers, Quantity, TupleOf
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.metrics import (
-    Record,
     check_record,
     damage_equivalent_loads,
     root_mean_square,
     summed_damage_load,
 )
+from flapgym.evaluation.record import Record, unit_of
 
 SLOPES = (3.0, 4.0, 5.0, 8.0, 10.0, 12.0)
 """Of the S-N curve: 3 to 5 as of welded steel, 8 to 12 as of composites."""
-
-UNITS = {
-    r"rbm(_\w+)?|\w*moment(_\d+)?|tower_base_\w+|\w*torque|root_torsion": "N m",
-    r"\w*thrust": "N",
-    r"(tip_)?deflection(_\d+)?|tip_in_plane": "m",
-    r"\w*acceleration_\w+": "m/s^2",
-}
-"""Of a channel, by what its name matches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +32,7 @@ class ChannelLoads:
     channel : str
         Name of the model's output.
     unit : str
-        Of rms and equivalent loads; empty if `UNITS` does not know the name.
+        Of rms and equivalent loads; empty if `flapgym.evaluation.record.UNITS` does not know the name.
     rms : (N, P) float
         About zero.
     slopes : tuple of float
@@ -167,11 +158,6 @@ def channel_loads(
 def _places_apart(series: Array) -> Array:
     """Series (N, T, P), or (N, T) of one place, as (N, P, T)."""
     return np.moveaxis(np.atleast_3d(series), 1, -1)
-
-
-def unit_of(channel: str) -> str:
-    """SI unit of a channel by its name; empty if the name tells none."""
-    return next((unit for pattern, unit in UNITS.items() if re.fullmatch(pattern, channel)), "")
 
 
 def joined(parts: Sequence[ChannelLoads]) -> ChannelLoads:

@@ -12,19 +12,28 @@ import numpy as np
 from flapgym.control import AGENT_NAMES, Agent, OpenLoop, load_agent, made_for
 from flapgym.control.agent import check_fit, check_pitch
 from flapgym.control.agent_checks import check_agent
-from flapgym.control.growth import Growth, agent_growth
+from flapgym.control.linear_loop import LinearLoop, linear_loop
 from flapgym.core.arrays import Array
 from flapgym.core.fields import Choice, Count, Flag, Quantity
 from flapgym.core.progress import ProgressBar
-from flapgym.core.wording import shown
+from flapgym.core.wording import number, one_line, shown
 from flapgym.envs.registration import ENVIRONMENTS
 from flapgym.envs.task import OBSERVABLES
 from flapgym.evaluation.bootstrap import Estimate, paired_change, summed_damage_change
 from flapgym.evaluation.channels import ChannelLoads, ChannelScore, channel_loads, joined, score_channel
-from flapgym.evaluation.metrics import Metrics, Record, measure, summed_damage_load
-from flapgym.evaluation.simulate import get_ready, simulate_together, steady_loads
+from flapgym.evaluation.conditions import chosen_model, chosen_wind, lasts
+from flapgym.evaluation.metrics import FATIGUE_SLOPE, Metrics, measure, summed_damage_load
+from flapgym.evaluation.published import Bound, bounds_for
+from flapgym.evaluation.record import Record, first_realisation, joined_records
+from flapgym.evaluation.simulate import (
+    get_ready,
+    longest_duration,
+    require_settings,
+    simulate_together,
+    steady_loads,
+)
 from flapgym.model.nameplate import Nameplate, nameplate
-from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel, load_model
+from flapgym.model.turbine_model import DEFAULT_MODEL, TurbineModel
 
 SCORED_SEED = 1_000_000
 """First seed of the scored realisations: tuning and training keep away from this and the next thousand."""
@@ -39,6 +48,8 @@ TOGETHER = 15_000.0
 """Seconds of wind simulated side by side, all agents counted: 0.3 GB of samples."""
 PAPER_LENGTH = 20.0
 """Length of a realisation in length scales over wind speed."""
+STEEPEST = 30.0
+"""Of the S-N curves of materials; beyond, only the largest cycle would count."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +98,11 @@ class Comparison:
         By agent name, open loop first.
     records : dict of str to Record
         Blade signals of the first realisation, by agent name.
-    growths : dict of str to Growth
-        What grows in the linear loop, by name of those agents in whose loop something does; the stops, left out there,
-        bound it in the scores.
+    loops : dict of str to LinearLoop
+        Stability and margin of the linear loop with the model, by name of those agents of which one is known; what
+        grows there the stops bound in the scores.
+    bounds : dict of str to Bound
+        What no controller can pass, by metric; empty for realisations of which none is published.
     model_name, model_hash : str
     nameplate : Nameplate
         Of the model's turbine.
@@ -106,11 +119,20 @@ class Comparison:
         Every load channel at several slopes, by agent name; empty unless the plan asks for it.
     environment : str or None
         Id of the environment whose wind, sensors and actuators they were; None for the model's own turbulence.
+    settings : mapping
+        Keywords of the environment as they were, without the model.
+    wind_speed : float
+        [m/s]
+    slope : float
+        S-N slope of the scored damage-equivalent loads.
+    series : dict of str to Record
+        All realisations by agent name; empty unless the plan asks for them.
     """
 
     scores: dict[str, Score]
     records: dict[str, Record]
-    growths: dict[str, Growth]
+    loops: dict[str, LinearLoop]
+    bounds: dict[str, Bound]
     model_name: str
     model_hash: str
     nameplate: Nameplate
@@ -121,6 +143,10 @@ class Comparison:
     flap_angle_limit: float
     channels: dict[str, tuple[ChannelScore, ...]]
     environment: str | None
+    settings: Mapping[str, Any]
+    wind_speed: float
+    slope: float
+    series: dict[str, Record]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +167,13 @@ class Plan:
     environment : str or None
         Id of an environment.
     settings : mapping
-        Its keywords, without the model.
+        Its keywords, without the model, with what was asked for in their place.
+    slope : float
+        S-N slope of the scored damage-equivalent loads.
+    series : bool
+        Whether all series are kept.
+    bounds : dict of str to Bound
+        Published of these realisations, by metric.
     """
 
     agents: tuple[Agent, ...]
@@ -151,52 +183,108 @@ class Plan:
     channels: bool
     environment: str | None
     settings: Mapping[str, Any]
+    slope: float
+    series: bool
+    bounds: dict[str, Bound]
 
 
 def plan(
     agents: Sequence[str | os.PathLike[str] | Agent] = AGENT_NAMES,
-    model: TurbineModel | str | os.PathLike[str] = DEFAULT_MODEL,
+    model: TurbineModel | str | os.PathLike[str] | None = None,
     realisations: int = PAPER_REALISATIONS,
     seed: int = SCORED_SEED,
     duration: float | None = None,
     channels: bool = False,
     environment: str | None = None,
+    *,
+    wind_speed: float | None = None,
+    turbulence_intensity: float | None = None,
+    length_scale: float | None = None,
+    wind: str | os.PathLike[str] | None = None,
+    box_shape: Sequence[int] | None = None,
+    box_spacing: Sequence[float] | None = None,
+    slope: float = FATIGUE_SLOPE,
+    series: bool = False,
 ) -> Plan:
     """Read and check all that `compare` needs, before any work.
 
     Raises
     ------
-    ValueError, FileNotFoundError
-        Naming the agent, model or option at fault.
+    ValueError, FileNotFoundError, ImportError
+        Naming the agent, model, file or option at fault.
     """
     realisations = Count(at_least=1, at_most=MOST_REALISATIONS).check(realisations, "realisations")
     seed = Count(at_least=0, at_most=LARGEST_SEED).check(seed, "seed")
     if duration is not None:
         Quantity("time", at_least=1.0, at_most=LONGEST).check(duration, "duration")
     channels = Flag().check(channels, "channels")
-    settings: dict[str, Any] = {}
-    if environment is not None:
-        settings = _settings_of(environment)
-        if model != DEFAULT_MODEL:
-            raise ValueError(
-                f"model: expected none beside an environment, which has its own, got {shown(model)}"
-            )
-        model = settings.pop("model", DEFAULT_MODEL)
-    if not isinstance(model, TurbineModel):
-        model = load_model(model)
-    if duration is None:
-        duration = PAPER_LENGTH * model.length_scale / model.wind_speed
-    seeds = range(seed, seed + realisations)
-    contestants = _contestants(agents, model)
+    series = Flag().check(series, "series")
+    Quantity("number", at_least=1.0, at_most=STEEPEST).check(slope, "slope")
+    settings = {} if environment is None else _settings_of(environment)
+    own = settings.pop("model", DEFAULT_MODEL)
+    chosen = chosen_model(own if model is None else model, wind_speed)
+    blowing = chosen_wind(
+        settings.get("wind", {}),
+        turbulence_intensity=turbulence_intensity,
+        length_scale=length_scale,
+        wind=wind,
+        box_shape=box_shape,
+        box_spacing=box_spacing,
+    )
+    published = environment if environment is not None or blowing else _environment_of(chosen.name)
+    if blowing != settings.get("wind", {}):
+        settings, published = {**settings, "wind": blowing}, None
+    contestants = _contestants(agents, chosen)
     for agent in contestants:
         check_pitch(agent, bool(settings.get("pitch")))
-    return Plan(contestants, model, seeds, duration, channels, environment, settings)
+    duration = _duration(duration, contestants, chosen, settings, wind)
+    require_settings(contestants, chosen, duration, settings)
+    seeds = range(seed, seed + realisations)
+    bounds = bounds_for(published, chosen, seeds, duration)
+    if slope != FATIGUE_SLOPE:
+        bounds.pop("rbm_del", None)
+    return Plan(contestants, chosen, seeds, duration, channels, environment, settings, slope, series, bounds)
 
 
 def _settings_of(environment: str) -> dict[str, Any]:
     """Keywords of a registered turbine of this package."""
     known = {each.id: dict(each.keywords) for each in ENVIRONMENTS if not each.keywords.get("single_blade")}
     return known[Choice(tuple(known)).check(environment, "environment")]
+
+
+def _environment_of(model: str) -> str | None:
+    """The id that differs in nothing but the model from a comparison without an environment."""
+    return next(
+        (
+            each.id
+            for each in ENVIRONMENTS
+            if not each.keywords.keys() - {"model"} and each.keywords.get("model", DEFAULT_MODEL) == model
+        ),
+        None,
+    )
+
+
+def _duration(
+    asked: float | None,
+    agents: Sequence[Agent],
+    model: TurbineModel,
+    settings: Mapping[str, Any],
+    wind: str | os.PathLike[str] | None,
+) -> float:
+    """Length of a realisation [s]: what is asked for, else the paper's; no longer than a file's wind lasts."""
+    usual = PAPER_LENGTH * model.length_scale / model.wind_speed if asked is None else asked
+    there = lasts(settings.get("wind", {}), model)
+    if not np.isfinite(there):
+        return usual
+    longest = longest_duration(agents, model, there, settings)
+    if longest < 1.0 or (asked is not None and asked > longest):
+        given = "none" if asked is None else f"{number(asked)} s"
+        wanted = f"from 1 to {number(longest)} s" if longest >= 1.0 else "another file"
+        raise ValueError(
+            f"duration: expected {wanted}, as {one_line(os.fspath(wind or ''))} lasts {number(there)} s and an episode "
+            f"is an action longer than a realisation, got {given}"
+        )
+    return min(usual, longest)
 
 
 def run(comparison: Plan, progress: bool = False) -> Comparison:
@@ -206,6 +294,7 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
     parts: dict[str, list[Metrics]] = {agent.name: [] for agent in agents}
     loads: dict[str, list[tuple[ChannelLoads, ...]]] = {agent.name: [] for agent in agents}
     records: dict[str, Record] = {}
+    series: dict[str, list[Record]] = {agent.name: [] for agent in agents}
     samples = len(agents) * len(seeds) * round(duration / model.time_step)
     get_ready(model)
     with ProgressBar(
@@ -219,19 +308,22 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
                 first = found[0]
                 steady = steady_loads(model, first.azimuth, first.rbm.shape[1], **comparison.settings)
             for agent, record in zip(agents, found, strict=True):
-                parts[agent.name].append(measure(record))
+                parts[agent.name].append(measure(record, comparison.slope))
                 if comparison.channels:
                     loads[agent.name].append(channel_loads(record, steady=steady))
-                records.setdefault(agent.name, _first(record))
+                if comparison.series:
+                    series[agent.name].append(record)
+                records.setdefault(agent.name, first_realisation(record))
     _require_one_wind(records)
     metrics = {name: _joined(each) for name, each in parts.items()}
     # Channel by channel of all realisations, where each part has all channels.
     by_channel = {name: [joined(parts) for parts in zip(*each, strict=True)] for name, each in loads.items()}
-    growths = {agent.name: agent_growth(agent, model) for agent in comparison.agents}
+    loops = {agent.name: linear_loop(agent, model) for agent in agents}
     return Comparison(
-        scores={agent.name: _score(agent, model, metrics) for agent in comparison.agents},
+        scores={agent.name: _score(agent, model, metrics, comparison.slope) for agent in agents},
         records=records,
-        growths={name: grows for name, grows in growths.items() if grows is not None},
+        loops={name: loop for name, loop in loops.items() if loop is not None},
+        bounds=comparison.bounds,
         model_name=model.name,
         model_hash=model.hash,
         nameplate=nameplate(model.case),
@@ -246,6 +338,10 @@ def run(comparison: Plan, progress: bool = False) -> Comparison:
             if ours
         },
         environment=comparison.environment,
+        settings=comparison.settings,
+        wind_speed=model.wind_speed,
+        slope=comparison.slope,
+        series={name: joined_records(each) for name, each in series.items() if each},
     )
 
 
@@ -284,17 +380,6 @@ def _batches(seeds: range, agents: int, duration: float) -> list[range]:
     return [seeds[begin : begin + size] for begin in range(0, len(seeds), size)]
 
 
-def _first(record: Record) -> Record:
-    """The first realisation alone, in arrays of its own: a view would keep the others alive."""
-    arrays = {each.name: getattr(record, each.name) for each in fields(record)}
-    time_step, further = arrays.pop("time_step"), arrays.pop("further")
-    return Record(
-        **{name: array[:1].copy() for name, array in arrays.items()},
-        time_step=time_step,
-        further={name: array[:1].copy() for name, array in further.items()},
-    )
-
-
 def _joined(parts: Sequence[Metrics]) -> Metrics:
     """Metrics of realisations that were measured in parts."""
     return Metrics(
@@ -312,16 +397,16 @@ def _require_one_wind(records: dict[str, Record]) -> None:
             )
 
 
-def _score(agent: Agent, model: TurbineModel, metrics: dict[str, Metrics]) -> Score:
+def _score(agent: Agent, model: TurbineModel, metrics: dict[str, Metrics], slope: float) -> Score:
     ours, reference = metrics[agent.name], metrics[OpenLoop.name]
     return Score(
         rbm_rms_change=paired_change(ours.rbm_rms, reference.rbm_rms),
         tip_rms_change=paired_change(ours.tip_rms, reference.tip_rms),
         rbm_del_change=paired_change(ours.rbm_del, reference.rbm_del),
-        rbm_del_summed_change=summed_damage_change(ours.rbm_del, reference.rbm_del),
+        rbm_del_summed_change=summed_damage_change(ours.rbm_del, reference.rbm_del, slope),
         tower_rms_change=paired_change(ours.tower_rms, reference.tower_rms),
         rbm_rms=float(ours.rbm_rms.mean()),
-        rbm_del=float(summed_damage_load(ours.rbm_del)),
+        rbm_del=float(summed_damage_load(ours.rbm_del, slope)),
         flap_angle_max=float(ours.flap_angle_max.max()),
         flap_rate_max=float(ours.flap_rate_max.max()),
         flap_travel=float(ours.flap_travel.mean()),

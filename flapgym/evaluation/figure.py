@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flapgym.evaluation.comparison import Comparison
-from flapgym.evaluation.metrics import Record
+from flapgym.evaluation.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -2,55 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import rainflow
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.core.fields import Numbers, Quantity, TupleOf
+from flapgym.evaluation.record import Record
 
 FATIGUE_SLOPE = 10.0
 """Slope of the S-N curve, typical of composite blades (the paper's choice)."""
 
 EQUIVALENT_FREQUENCY = 1.0
 """Frequency of the constant-range load cycle that does the same damage [Hz]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """Every plant sample of one or more realisations, leading axis the realisation, blades last.
-
-    Attributes
-    ----------
-    rbm, tip_deflection : (N, T, 3) float
-        Flapwise root bending moment [N m] and tip deflection [m].
-    flap_angle, flap_rate : (N, T, 3 F) float
-        Flap motion after its stops [rad, rad/s], of F flaps a blade blade by blade.
-    tower_fore_aft, tower_side_side, wind : (N, T) float
-        Tower-top displacement downwind and sideways [m], wind perturbation [m/s].
-    pitch_angle : (N, T, 3) float
-        From the operating point's [rad]; (N, T, 0) where pitch stays.
-    azimuth : (N,) float
-        Of blade 1 one time step before the first sample [rad].
-    time_step : float
-        Sampling time [s].
-    further : mapping of str to (N, T, 3) or (N, T) float
-        Further outputs of the model by name, the blades' with three columns, in SI units.
-    """
-
-    rbm: NDArray[np.float64]
-    tip_deflection: NDArray[np.float64]
-    flap_angle: NDArray[np.float64]
-    flap_rate: NDArray[np.float64]
-    tower_fore_aft: NDArray[np.float64]
-    tower_side_side: NDArray[np.float64]
-    wind: NDArray[np.float64]
-    azimuth: NDArray[np.float64]
-    time_step: float
-    further: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    pitch_angle: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +47,13 @@ class Metrics:
     pitch_travel: NDArray[np.float64]
 
 
-def measure(record: Record) -> Metrics:
-    """All metrics of a record.
+def measure(record: Record, slope: float = FATIGUE_SLOPE) -> Metrics:
+    """All metrics of a record, damage-equivalent loads at an S-N slope.
 
     Raises
     ------
     ValueError
-        If a series holds what is no finite number, or has not the moments' shape.
+        If a series holds what is no finite number, or has not the moments' shape, or the slope is not positive.
     """
     check_record(record)
     duration = (record.flap_angle.shape[1] - 1) * record.time_step
@@ -100,7 +66,7 @@ def measure(record: Record) -> Metrics:
         tip_rms=root_mean_square(record.tip_deflection, axis=1),
         rbm_del=np.array(
             [
-                [damage_equivalent_load(blade, record.time_step) for blade in realisation.T]
+                [damage_equivalent_load(blade, record.time_step, slope) for blade in realisation.T]
                 for realisation in record.rbm
             ]
         ),

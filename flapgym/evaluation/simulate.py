@@ -17,8 +17,9 @@ from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Count, Numbers, Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
+from flapgym.envs.settings import Settings
 from flapgym.evaluation.bank import LinearBank, same_kind
-from flapgym.evaluation.metrics import Record
+from flapgym.evaluation.record import Record
 from flapgym.model.turbine_model import TurbineModel
 
 _SAMPLES = ("rbm", "tip_deflection", "flap_angle", "flap_rate", "tower_fore_aft", "tower_side_side", "wind")
@@ -75,31 +76,90 @@ def simulate_together(
         check_fit(agent, model)
         check_pitch(agent, bool(settings.get("pitch")))
     records: dict[int, Record] = {}
+    for steps, places, lasting in _episodes(agents, model, duration, settings):
+        found = _simulate_group(
+            [agents[place] for place in places], steps, lasting, model, seeds, duration, advanced, settings
+        )
+        records |= dict(zip(places, found, strict=True))
+    return [records[index] for index in range(len(agents))]
+
+
+def _episodes(
+    agents: Sequence[Agent], model: TurbineModel, duration: float, settings: Mapping[str, Any]
+) -> list[tuple[int, list[int], float]]:
+    """Which agents share an environment: plant steps an action, their places, and how long its episodes last [s]."""
+    intervals = _intervals(agents)
+    alike = _alike(intervals, model.time_step, duration)
+    # A field that lasts longer is another one: all agents take one length, of whole actions of each of them.
+    return [
+        (
+            steps,
+            [place for place, interval in enumerate(intervals) if interval == steps],
+            alike if _in_field(settings) else duration + steps * model.time_step,
+        )
+        for steps in dict.fromkeys(intervals)
+    ]
+
+
+def _intervals(agents: Sequence[Agent]) -> list[int]:
+    """Plant steps for which each agent holds its actions here."""
     # Flaps at rest are the same at any interval: they go along with whoever holds actions longest.
     others = [agent.steps_per_action for agent in agents if type(agent) is not OpenLoop]
-    intervals = [
-        max(others) if others and type(agent) is OpenLoop else agent.steps_per_action for agent in agents
-    ]
-    # A field that lasts longer is another one: all agents take one length, of whole actions of each of them.
-    wind = settings.get("wind")
-    in_field = (wind.get("field") if isinstance(wind, Mapping) else getattr(wind, "field", None)) is not None
+    return [max(others) if others and type(agent) is OpenLoop else agent.steps_per_action for agent in agents]
+
+
+def _alike(intervals: Sequence[int], time_step: float, duration: float) -> float:
+    """Shortest episode [s] that is longer than a duration by an action and holds whole actions of all intervals."""
     common = math.lcm(*intervals)
-    least = math.ceil(duration / model.time_step + max(intervals) - 1e-9)
-    alike = -(-least // common) * common * model.time_step
-    for steps in dict.fromkeys(intervals):
-        group = [index for index, interval in enumerate(intervals) if interval == steps]
-        found = _simulate_group(
-            [agents[i] for i in group],
-            steps,
-            alike if in_field else duration + steps * model.time_step,
-            model,
-            seeds,
-            duration,
-            advanced,
-            settings,
-        )
-        records |= dict(zip(group, found, strict=True))
-    return [records[index] for index in range(len(agents))]
+    least = math.ceil(duration / time_step + max(intervals) - 1e-9)
+    return -(-least // common) * common * time_step
+
+
+def _in_field(settings: Mapping[str, Any]) -> bool:
+    """Whether the wind differs over the disk."""
+    wind = settings.get("wind")
+    return (wind.get("field") if isinstance(wind, Mapping) else getattr(wind, "field", None)) is not None
+
+
+def longest_duration(
+    agents: Sequence[Agent], model: TurbineModel, lasts: float, settings: Mapping[str, Any]
+) -> float:
+    """Longest duration [s] that `simulate_together` can take from a wind that lasts so long; 0 if there is none."""
+    # Preview is played by flaps at rest, and asks for as much more.
+    played = [(list(agents), 0)] + [
+        ([OpenLoop()], preview) for agent in agents if (preview := getattr(agent, "preview", 0))
+    ]
+    found = list[int]()
+    for some, further in played:
+        intervals = _intervals(some)
+        if _in_field(settings):
+            common = math.lcm(*intervals)
+            found.append(_whole(lasts, common * model.time_step) * common - max(intervals) - further)
+        else:
+            found += [(_whole(lasts, steps * model.time_step) - 1) * steps - further for steps in intervals]
+    return max(0, min(found)) * model.time_step
+
+
+def _whole(length: float, part: float) -> int:
+    """How often a part goes into a length, up to rounding."""
+    return math.floor(length / part + 1e-9)
+
+
+def require_settings(
+    agents: Sequence[Agent], model: TurbineModel, duration: float, settings: Mapping[str, Any]
+) -> None:
+    """Refuse, before any simulation, settings of the environment that do not suit the model or the agents' episodes.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError, ImportError
+        Of `flapgym.envs.settings.Settings`.
+    """
+    for steps, _, lasting in _episodes(agents, model, duration, settings):
+        keywords = {**settings, "model": model, "duration": lasting, "steps_per_action": steps}
+        chosen = Settings.of(keywords, "FlapVectorEnv")
+        chosen.surroundings(model)
+        chosen.given_wind(model)
 
 
 def get_ready(model: TurbineModel) -> None:
@@ -139,7 +199,9 @@ def steady_loads(model: TurbineModel, azimuth: Array, samples: int, **settings: 
     begun = Numbers("angle", axes=1).check(azimuth, "steady_loads.azimuth")
     Count(at_least=1).check(samples, "steady_loads.samples")
     # Of samples all outputs are told.
-    environment = FlapVectorEnv(model=model, record_samples=True, **settings)
+    environment = FlapVectorEnv(
+        model=model, record_samples=True, duration=samples * model.time_step, **settings
+    )
     turned = model.rotor_speed * model.time_step * np.arange(1, samples + 1)
     # One realisation after another: the phases of all harmonics at every sample take more memory than the loads.
     each = [environment.steady(angle + turned) for angle in begun]

@@ -3,7 +3,13 @@
 Whoever runs a built model needs none of the physics behind it; `flapgym.aeroelastic.build` makes one.
 """
 
-from flapgym.model.model_set import ModelSet, load_model_set, save_model_set
+from flapgym.model.model_set import (
+    ModelSet,
+    builtin_model_sets,
+    is_model_set,
+    load_model_set,
+    save_model_set,
+)
 from flapgym.model.signals import blade_flap_inputs, flap_inputs, pitch_inputs, strip_inputs
 from flapgym.model.turbine_model import (
     DEFAULT_MODEL,
@@ -20,8 +26,10 @@ __all__ = [
     "ModelSet",
     "TurbineModel",
     "blade_flap_inputs",
+    "builtin_model_sets",
     "builtin_models",
     "flap_inputs",
+    "is_model_set",
     "load_model",
     "load_model_set",
     "pitch_inputs",

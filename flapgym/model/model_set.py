@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ from flapgym.core.wording import number, shown
 from flapgym.model.check import check_header
 from flapgym.model.turbine_model import LARGEST, TurbineModel, packed, unpacked
 
+SETS, SUFFIX = "sets", ".safetensors"
+"""Folder of the shipped sets in the package, and how files end."""
 METADATA = "flapgym_models"
 """Under which a file's metadata hold the headers of its models."""
 
@@ -105,23 +108,45 @@ def save_model_set(models: ModelSet, path: str | os.PathLike[str]) -> None:
     write_atomically(path, safetensors.numpy.save(tensors, metadata))
 
 
-def load_model_set(path: str | os.PathLike[str]) -> ModelSet:
-    """Read which models a file holds; each is read and checked when it is first asked for, and then kept.
+def builtin_model_sets() -> list[str]:
+    """Names of the sets shipped in the package."""
+    folder = resources.files("flapgym.model") / SETS
+    return sorted(item.name.removesuffix(SUFFIX) for item in folder.iterdir() if item.name.endswith(SUFFIX))
+
+
+def is_model_set(name: str | os.PathLike[str]) -> bool:
+    """Whether a name is that of a shipped set, or a path that of a file with one."""
+    if str(name) in builtin_model_sets():
+        return True
+    try:
+        with safetensors.safe_open(regular_file(Path(name), LARGEST), framework="numpy") as file:
+            return METADATA in (file.metadata() or {})
+    except (safetensors.SafetensorError, OSError, ValueError):
+        return False
+
+
+def load_model_set(name: str | os.PathLike[str]) -> ModelSet:
+    """Read which models a shipped set or a file holds; each is read and checked when first asked for, and then kept.
 
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If there is no such file and no shipped set of that name.
     ValueError
         If it is no file of a set, or its models do not go together. A damaged member is found when it is asked for.
     """
+    shipped = str(name) in builtin_model_sets()
+    path = Path(str(resources.files("flapgym.model") / SETS / f"{name}{SUFFIX}")) if shipped else Path(name)
     try:
-        source = regular_file(Path(path), LARGEST)
+        source = regular_file(path, LARGEST)
         with safetensors.safe_open(source, framework="numpy") as file:
             metadata = file.metadata() or {}
     except (safetensors.SafetensorError, OSError) as error:
         if isinstance(error, FileNotFoundError):
-            raise FileNotFoundError(f"model set {path}: no such file") from None
+            raise FileNotFoundError(
+                f"model set {path}: no such file, and no shipped set of that name "
+                f"(shipped: {', '.join(builtin_model_sets())})"
+            ) from None
         raise ValueError(f"model set {path}: damaged or not a file of models; save it again") from None
     if METADATA not in metadata:
         raise ValueError(f"model set {path}: not a file of several models; one model is for load_model")

@@ -15,6 +15,7 @@ BLADE_OUTPUTS = ("rbm", "tip_deflection")
 """What every model tells of its blades, and all that one of the clamped blade does."""
 FIXED_OUTPUTS = ("tower_fore_aft", "tower_side_side")
 GRAVITY = "gravity"
+GENERATOR_TORQUE = "generator_torque"
 PITCH_KINDS = ("angle", "rate", "acceleration")
 
 

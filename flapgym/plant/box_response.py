@@ -51,7 +51,7 @@ class BoxResponse:
 
     def on_disk(self, noise: Array, intervals: int) -> BoxOnDisk:
         """The box over the disk as it passes."""
-        return BoxOnDisk(self.field.box, self.field.begins(noise, self._duration(intervals)), self.radii)
+        return BoxOnDisk(self.field.box, self.field.begins(noise, self.duration(intervals)), self.radii)
 
     def respond(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
         """Outputs at sample 0, and rows; told of the wind is its mean over the disk."""
@@ -84,13 +84,14 @@ class BoxResponse:
         """Whole blocks before the episode."""
         return self._run_in // self.blocks.span
 
-    def _duration(self, intervals: int) -> float:
+    def duration(self, intervals: int) -> float:
+        """Of an episode [s]."""
         return intervals * self.blocks.rows.steps * self.modal.time_step
 
     def _passing(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
         """Winds by strip (., 3 R) from whole blocks before the episode on, and the disk's mean from its start."""
         since = np.arange(-self._run_in, self.blocks.steps(intervals) + 1, dtype=np.float64)
-        wind = self.field.passing(noise, since * self.modal.time_step, self._duration(intervals), self.radii)
+        wind = self.field.passing(noise, since * self.modal.time_step, self.duration(intervals), self.radii)
         strips = wind.components(azimuth + self.turn * since).reshape(len(since), -1)
         begin = self._run_in - self._run_in_blocks * self.blocks.span
         return strips[begin:], wind.rotor_average()[self._run_in :]

@@ -108,6 +108,11 @@ class Parameters(NamedTuple):
         return self.actuators[0]
 
     @property
+    def rate_limit(self) -> Array:
+        """Stops of every actuator's rate (blades A,) [rad/s]."""
+        return self.actuators[1]
+
+    @property
     def acceleration(self) -> Array:
         """What an action of one commands (blades A,) [rad/s^2]."""
         return self.actuators[2]

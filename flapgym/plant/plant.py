@@ -15,6 +15,8 @@ from flapgym.plant.kernel import Kernel, parameters_of
 from flapgym.plant.parameters import Loads, Stepping
 from flapgym.plant.responses import realisation_noise
 from flapgym.plant.start import Start
+from flapgym.plant.upwind import known_ahead, measured_upwind
+from flapgym.wind import Lidar
 from flapgym.wind.blade_field import FieldOnDisk
 from flapgym.wind.box_field import BoxOnDisk
 
@@ -66,6 +68,15 @@ class Plant(ABC):
             noise = realisation_noise(int(start.realisation[0]), self.noise_count)[None]
         disturbance = self._kernel.disturbance
         return disturbance.on_disk(np.zeros(0) if noise is None else noise[0], self.stepping.intervals)
+
+    @property
+    def known_ahead(self) -> float:
+        """Time beyond an episode up to which its wind can be told ahead [s]."""
+        return known_ahead(self._kernel.disturbance, self.stepping.intervals)
+
+    def upwind(self, lidar: Lidar, start: Start, arrival: Array) -> Array:
+        """Speeds along a lidar's beams (m, S, N) [m/s], see `flapgym.plant.upwind.measured_upwind`."""
+        return measured_upwind(self._kernel.disturbance, self.model, self.stepping, lidar, start, arrival)
 
     def steady(self, azimuth: Array) -> dict[str, Array]:
         """What steady inflow and gravity do to the outputs at azimuths of blade 1 (n,) [rad], about its mean.

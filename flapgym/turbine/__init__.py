@@ -26,6 +26,7 @@ from flapgym.turbine.machine import (
     TowerSections,
     Turbine,
 )
+from flapgym.turbine.speed_control import Schedule, SpeedControl
 
 __all__ = [
     "BUILT_IN",
@@ -47,7 +48,9 @@ __all__ = [
     "Polar",
     "Reduction",
     "Rotor",
+    "Schedule",
     "Signals",
+    "SpeedControl",
     "TowerSections",
     "Turbine",
     "Turbulence",

@@ -27,6 +27,7 @@ from flapgym.core.fields import (
 from flapgym.core.units import DEGREE
 from flapgym.core.wording import number
 from flapgym.turbine.machine import Turbine
+from flapgym.turbine.speed_control import Schedule, SpeedControl
 
 _Limit = 1000 * DEGREE
 
@@ -280,7 +281,9 @@ TOWER_LOADS = ("tower_base_fore_aft", "tower_base_side_side")
 TOWER_MOTIONS = ("tower_top_acceleration_fore_aft", "tower_top_acceleration_side_side")
 HUB_LOADS = ("rotor_thrust", "shaft_torque", "tilt_moment", "yaw_moment")
 """What hub and blades exert on the shaft's end, in its axes that do not turn with the rotor."""
-FIXED = (*TOWER_LOADS, *TOWER_MOTIONS, *HUB_LOADS)
+SPEED_SIGNALS = ("rotor_speed", "collective_pitch", "generator_torque", "wind_speed_estimate")
+"""What a rotor whose speed is controlled tells, about the operating point; torque on the low-speed side."""
+FIXED = (*TOWER_LOADS, *TOWER_MOTIONS, *HUB_LOADS, *SPEED_SIGNALS)
 """Of the further outputs, those that are not the blades'."""
 NAMED = (*BLADE_LOADS, *BLADE_MOTIONS, *FIXED)
 STATION = r"(deflection_(\d|[1-9]\d|100)|flapwise_moment_(\d|[1-9]\d))"
@@ -346,6 +349,8 @@ class Case:
     blades: Blades
     signals: Signals = Signals()
     pitch: Annotated[Pitch | None, OrNone(Pitch)] = None
+    schedule: Annotated[Schedule | None, OrNone(Schedule)] = None
+    speed_control: Annotated[SpeedControl | None, OrNone(SpeedControl)] = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -356,8 +361,22 @@ class Case:
             raise ValueError(
                 f"pitch: expected a table [pitch] with signals.pitch, of {', '.join(f.name for f in fields(Pitch))}"
             )
+        self._check_speed()
         self._check_structure()
         self._check_lattice()
+
+    def _check_speed(self) -> None:
+        """Refuse a control of the rotor's speed by blades that do not pitch, and its outputs without it."""
+        if self.speed_control is not None and not self.signals.pitch:
+            raise ValueError(
+                "signals.pitch: expected true with a table [speed_control], whose pitch is collective, got false"
+            )
+        for name in self.signals.outputs:
+            if name in SPEED_SIGNALS and self.speed_control is None:
+                raise ValueError(
+                    f"signals.outputs: expected no {name} of a rotor whose speed is prescribed; give a table "
+                    "[speed_control], or leave it out"
+                )
 
     def _check_flaps(self) -> None:
         """Refuse flaps that are not in order: a model numbers them from root to tip."""
@@ -426,6 +445,24 @@ class Case:
         """Angular speed of the rotor, tip-speed ratio times wind speed over radius [rad/s]."""
         point = self.operating_point
         return point.tip_speed_ratio * point.wind_speed / self.turbine.rotor.radius
+
+    def at_wind_speed(self, wind_speed: float) -> Case:
+        """The case at another wind speed [m/s] of its schedule, with rotor speed and pitch as listed there.
+
+        Raises
+        ------
+        ValueError
+            If it has no schedule, or that does not reach so far.
+        """
+        if self.schedule is None:
+            raise ValueError(
+                f"schedule: expected a table [schedule] of wind_speed, rotor_speed and pitch in case {self.name!r}, "
+                "got none"
+            )
+        rotor_speed, pitch = self.schedule.at(wind_speed)
+        ratio = rotor_speed * self.turbine.rotor.radius / wind_speed
+        point = replace(self.operating_point, wind_speed=wind_speed, tip_speed_ratio=ratio, pitch=pitch)
+        return replace(self, name=f"{self.name}-{number(wind_speed)}", operating_point=point)
 
     def of_blade(self, blade: int) -> Case:
         """The case whose three blades are all like blade 0, 1 or 2 of this one."""

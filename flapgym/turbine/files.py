@@ -29,6 +29,7 @@ BUILT_IN = {
         DEFAULT_CASE,
         "nrel5mw-corrected-heavy-blade",
         "nrel5mw-site",
+        "nrel5mw-range",
         "nrel5mw-three-flaps",
         "nrel5mw-rated",
         "nrel5mw-heavy-blade",

@@ -126,7 +126,7 @@ def _prepare(
     turn = rotor_speed / (2.0 * np.pi)
     frequencies = np.arange(math.floor((highest_frequency + turn) * period) + 1) / period
     covariance = np.zeros((len(frequencies), len(PARTS.T), len(rings), len(rings)))
-    for part, _, near, own in _of_harmonics(field, rings, wind_speed, turn, period, frequencies):
+    for part, _, near, _, own in of_harmonics(field, rings, wind_speed, turn, period, frequencies):
         covariance[near, part] += own
     values, vectors = np.linalg.eigh(covariance)
     # At low frequencies u_0 is almost the same at all rings; round-off may leave the rest below zero.
@@ -134,15 +134,39 @@ def _prepare(
     return BladeTurbulence(np.array(rings), period, frequencies, root)
 
 
-def _of_harmonics(
+def of_harmonics(
     field: Turbulence,
     rings: tuple[float, ...],
     wind_speed: float,
     turn: float,
     period: float,
     frequencies: Array,
-) -> Iterator[tuple[int, int, BoolArray, Array]]:
-    """Part, harmonic m, at which frequencies (F,) it counts, and its share in the part's covariance there (., R, R)."""
+) -> Iterator[tuple[int, int, BoolArray, Array, Array]]:
+    """Part, harmonic m, at which frequencies (F,) it counts, those the field has there, its share in the covariance.
+
+    Parameters
+    ----------
+    field : Turbulence
+    rings : tuple of R float
+        Radii [m].
+    wind_speed : float
+        [m/s]
+    turn : float
+        Turns of the rotor a second [Hz].
+    period : float
+        [s]
+    frequencies : (F,) float
+        That blades meet, multiples of 1 / period from zero on [Hz].
+
+    Yields
+    ------
+    part, m : int
+    near : (F,) bool
+    met : (.,) float
+        Modulus of the frequencies in axes that stand [Hz].
+    own : (., R, R) float
+        Of the part's covariance at these frequencies.
+    """
     highest = frequencies[-1]
     # Averages about each frequency, so that no variance is lost or won, as in `disk_turbulence`.
     about = frequencies[:, None] + ((np.arange(WITHIN) + 0.5) / WITHIN - 0.5) / period
@@ -166,7 +190,7 @@ def _of_harmonics(
                 share = share.reshape(*inside.shape, *share.shape[1:])
                 weight = field.spectrum(inside, wind_speed) / (WITHIN * period)
                 weight[frequencies[near] == 0.0] *= 0.5
-                yield part, m, near, np.einsum("fw,fwrs->frs", weight, share)
+                yield part, m, near, inside.mean(axis=1), np.einsum("fw,fwrs->frs", weight, share)
 
 
 @lru_cache(maxsize=4)
@@ -234,7 +258,7 @@ def field_on_disk(
     weighted *= field.deviation(wind_speed)
     waves: dict[int, ComplexArray] = {}
     frequencies = turbulence.frequencies
-    for part, m, near, own in _of_harmonics(field, rings, wind_speed, turn, turbulence.period, frequencies):
+    for part, m, near, _, own in of_harmonics(field, rings, wind_speed, turn, turbulence.period, frequencies):
         at = waves.setdefault(m, np.zeros((2, len(frequencies), len(rings)), dtype=complex))
         found = np.einsum("frs,fs->fr", own, weighted[near, part])
         if part < len(PARTS.T) - 1:

@@ -85,6 +85,11 @@ def read_box(
         )
 
 
+def begins_a_box(content: bytes) -> bool:
+    """Whether a file that begins so is NetCDF or TurbSim's; HAWC2's has nothing to tell it by."""
+    return content.startswith((_CLASSIC, _HDF5)) or int.from_bytes(content[:2], "little") in _TURBSIM_IDS
+
+
 def read_turbsim(path: str | os.PathLike[str], hub_height: float | None = None) -> WindBox:
     """Read a full-field file of TurbSim, `.bts`.
 

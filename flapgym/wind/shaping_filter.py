@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import beta
 
+from flapgym.core.arrays import Array
 from flapgym.core.fields import Count, Quantity
 from flapgym.core.state_space import StateSpace
 from flapgym.wind.spectrum import check_wind
@@ -48,18 +49,53 @@ def von_karman_filter(
     Quantity("time", above=0.0).check(time_step, "turbulence.time_step")
     poles, zeros = fit_poles_and_zeros(order, FIT_FREQUENCY * length_scale / wind_speed)
     corner = 2.0 * np.pi * wind_speed / (np.sqrt(70.8) * length_scale)
-    a, covariance, c = _unit_variance_modes(corner * poles, corner * zeros, time_step)
+    return sampled_low_pass(
+        corner * poles / (2.0 * np.pi), corner * zeros / (2.0 * np.pi), intensity * wind_speed, time_step
+    )
+
+
+def sampled_low_pass(
+    poles: NDArray[np.float64], zeros: NDArray[np.float64], deviation: float, time_step: float
+) -> StateSpace:
+    """Input "white" (unit variance a step) to output "wind" of a standard deviation; A is diagonal.
+
+    The autocorrelation is that of the continuous filter prod(1 + s/zeros) / prod(1 + s/poles) at every multiple of the
+    time step.
+
+    Parameters
+    ----------
+    poles : (n,) float
+        Distinct and real, positive for what decays [Hz].
+    zeros : (k,) float
+        k < n [Hz].
+    deviation : float
+        Of the output.
+    time_step : float
+        [s]
+    """
+    a, covariance, c = _unit_variance_modes(2.0 * np.pi * poles, 2.0 * np.pi * zeros, time_step)
     b = _innovation_input(a, covariance, c)
-    sigma = intensity * wind_speed
     return StateSpace(
         A=np.diag(a),
         B=b[:, None],
-        C=sigma * c[None, :],
+        C=deviation * c[None, :],
         D=np.zeros((1, 1)),
         time_step=time_step,
         inputs=("white",),
         outputs=("wind",),
     )
+
+
+def filtered(shaping: StateSpace, first: Array, white: Array) -> Array:
+    """Wind (m, T) of a diagonal filter from its first states (m, n or more) and white noise (m, T)."""
+    from scipy.signal import lfilter  # half a second to import
+
+    wind = shaping.D[0, 0] * white
+    for mode, decay in enumerate(np.diag(shaping.A)):
+        # Of the state before each sample: x' = decay x + B w, read by C.
+        states, _ = lfilter([0.0, shaping.B[mode, 0]], [1.0, -decay], white, zi=first[:, mode : mode + 1])
+        wind += shaping.C[0, mode] * states
+    return np.asarray(wind)
 
 
 @lru_cache(maxsize=64)
@@ -76,7 +112,7 @@ def fit_poles_and_zeros(order: int, reach: float) -> tuple[NDArray[np.float64], 
 
     def error(log_corners: NDArray[np.float64]) -> NDArray[np.float64]:
         poles, zeros = np.exp(log_corners[:order]), np.exp(log_corners[order:])
-        residue = _residues(poles, zeros)
+        residue = residues(poles, zeros)
         variance = np.pi * (residue @ (1.0 / np.add.outer(poles, poles)) @ residue)
         level = 10.0 * (
             np.log10(1.0 + (x[:, None] / zeros) ** 2).sum(axis=1)
@@ -92,7 +128,7 @@ def fit_poles_and_zeros(order: int, reach: float) -> tuple[NDArray[np.float64], 
     return poles, zeros
 
 
-def _residues(poles: NDArray[np.float64], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
+def residues(poles: NDArray[np.float64], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
     """Residues r of prod(1 + s/zeros) / prod(1 + s/poles) = sum r / (s + poles)."""
     numerator = np.prod(1.0 - poles[:, None] / zeros, axis=1)
     ratio = 1.0 - poles[:, None] / poles
@@ -109,7 +145,7 @@ def _unit_variance_modes(
     """
     scale = np.sqrt(2.0 * poles)
     covariance = np.outer(scale, scale) / np.add.outer(poles, poles)
-    c = _residues(poles, zeros) / scale
+    c = residues(poles, zeros) / scale
     return np.exp(-poles * time_step), covariance, c / np.sqrt(c @ covariance @ c)
 
 

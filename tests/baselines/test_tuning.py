@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from baselines import tune, tuning
-from baselines.settings import LQGCandidate, PDCandidate, PIDCandidate, Tuning, load_tuning
+from baselines.settings import FieldCandidate, LQGCandidate, PDCandidate, PIDCandidate, Tuning, load_tuning
 from baselines.tuning import (
     Bench,
     largest_weight,
@@ -26,9 +26,10 @@ from tests.synthetic import synthetic_model
 MODEL = synthetic_model()
 CONFIG = Path(__file__).parents[2] / "configs" / "tuning.toml"
 LQG = (LQGCandidate(1.0, 0.0036, 0.01),)
+FIELD = (FieldCandidate(1.0, 360.0, 2.0, 100.0),)
 PD = (PDCandidate(0.1, 0.1, 12.0, 0.8),)
 PID = (PIDCandidate(0.1, 0.1, 12.0, 0.8, 1.0, 2.0),)
-BENCH = Bench(MODEL, Tuning(5, 2, 0.54, LQG, LQG, PD, PID, PID), 30.0, lambda name: None)
+BENCH = Bench(MODEL, Tuning(5, 2, 0.54, LQG, LQG, FIELD, PD, PID, PID), 30.0, lambda name: None)
 
 
 def test_the_rule_brings_the_flap_just_to_its_stop():
@@ -51,7 +52,7 @@ def test_a_rule_without_an_answer_says_so():
 
 def test_the_saturating_design_is_as_heavy_as_the_disk_margin_allows():
     weak = LQGCandidate(1.0, 1e-5, 0.002)
-    bench = Bench(MODEL, Tuning(5, 2, 1.2, LQG, (weak,), PD, PID, PID), 30.0, lambda name: None)
+    bench = Bench(MODEL, Tuning(5, 2, 1.2, LQG, (weak,), FIELD, PD, PID, PID), 30.0, lambda name: None)
 
     def design(weight):
         return lqg_agent("lqg", MODEL, Weights(weight, 1.0, 1e-5, 0.002))

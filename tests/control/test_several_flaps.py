@@ -32,14 +32,6 @@ from flapgym.control import (
 )
 from flapgym.control.channels import MULTIBLADE, ROTOR
 from flapgym.control.closed_loop import _in_frame
-from flapgym.control.lqg import (
-    RBM_UNIT,
-    flap_units,
-    noise_covariance,
-    predictor_gain,
-    regulator_gain,
-    with_actuator,
-)
 from flapgym.control.margins import delay_margin, disk_margin
 from flapgym.control.periodic import periodic_disk_margin
 from flapgym.core.state_space import StateSpace
@@ -48,6 +40,7 @@ from flapgym.envs.registration import TURBINE_ID
 from flapgym.evaluation import compare, measure, simulate, simulate_together
 from flapgym.turbine import load_case
 from flapgym.wrappers.single import OneBlade, Residual
+from tests.loops import design_loop, priced, riccati_cost
 from tests.synthetic import synthetic_model
 
 FLAPS = 3
@@ -204,67 +197,19 @@ def test_periodic_and_time_invariant_form_of_one_loop_have_one_margin_and_one_de
     assert growth_per_turn(MODEL, own) == pytest.approx(expected, rel=0.04)
 
 
-def _cost(design, weights):
-    """The Riccati value: tr(X G G') + tr(P K' S K), the regulator's share plus the price of not knowing the state."""
-    gain, x = regulator_gain(design, weights)
-    _, p = predictor_gain(design, weights)
-    _, b, _ = with_actuator(design)
-    n, channels = design.A.shape[0], design.channels
-    r = weights.acceleration / channels.flaps * np.diag(channels.weight * channels.flaps)
-    curvature = r + b.T @ x @ b
-    known = np.trace(x[:n, :n] @ design.G @ design.G.T)
-    return known + np.trace(curvature @ gain[:, :n] @ p @ gain[:, :n].T)
-
-
-def _loop(design, controller, weights):
-    """Design model, actuators and controller closed by hand; from white noise to moments, angles, accelerations."""
-    a, b, c = with_actuator(design)
-    n, p = a.shape[0], design.channels.actions
-    m = controller.order
-    motion = np.hstack([np.zeros((2 * p, n - 2 * p)), np.linalg.inv(flap_units(design))])
-    measured = np.vstack([RBM_UNIT * c, motion])
-    to_limit = 1.0 / design.acceleration_limit[:, None]
-    acceleration = to_limit * np.hstack([controller.D @ measured, controller.C])
-    noise = RBM_UNIT * controller.B[:, : design.channels.count]
-    loop = np.vstack(
-        [
-            np.hstack([a, np.zeros((n, m))]) + b @ acceleration,
-            np.hstack([controller.B @ measured, controller.A]),
-        ]
-    )
-    # H is zero: the filter of the wind has no direct way to the moment.
-    assert not design.H.any()
-    white = np.vstack([design.G, np.zeros((2 * p + m, design.G.shape[1]))])
-    root = np.sqrt(noise_covariance(design, weights))
-    drive = np.hstack([white, np.vstack([np.zeros((n, root.shape[0])), noise @ root])])
-    outputs = np.vstack(
-        [np.hstack([c, np.zeros((c.shape[0], m))]), np.eye(p, n + m, n - 2 * p), acceleration]
-    )
-    return loop, drive, outputs
-
-
-def _priced(design, weights):
-    """What a square of each output of `_loop` costs."""
-    channels = design.channels
-    flaps = np.tile(channels.weight, channels.flaps) / channels.flaps
-    return np.concatenate(
-        [weights.rbm * np.array(channels.weight), weights.flap_angle * flaps, weights.acceleration * flaps]
-    )
-
-
 @pytest.mark.parametrize("frame", ["blade", "multiblade"])
 def test_the_loops_stationary_cost_is_the_riccati_value(model, frame):
     design = design_model(model, None if frame == "blade" else model.turbine)
-    loop, drive, outputs = _loop(design, synthesise(design, GENTLE), GENTLE)
+    loop, drive, outputs = design_loop(design, synthesise(design, GENTLE), GENTLE)
     covariance = scipy.linalg.solve_discrete_lyapunov(loop, drive @ drive.T)
-    cost = np.diag(outputs @ covariance @ outputs.T) @ _priced(design, GENTLE)
-    assert cost == pytest.approx(_cost(design, GENTLE), rel=1e-6)
+    cost = np.diag(outputs @ covariance @ outputs.T) @ priced(design, GENTLE)
+    assert cost == pytest.approx(riccati_cost(design, GENTLE), rel=1e-6)
 
 
 def test_the_measured_cost_is_the_riccati_value_within_sampling_error():
     """Four hundred stationary minutes, as for one flap."""
     design = design_model(MODEL)
-    loop, drive, outputs = _loop(design, synthesise(design, GENTLE), GENTLE)
+    loop, drive, outputs = design_loop(design, synthesise(design, GENTLE), GENTLE)
     values, vectors = np.linalg.eigh(scipy.linalg.solve_discrete_lyapunov(loop, drive @ drive.T))
     rng = np.random.default_rng(0)
     x = vectors @ (np.sqrt(np.maximum(values, 0.0))[:, None] * rng.standard_normal((len(loop), 400)))
@@ -272,7 +217,7 @@ def test_the_measured_cost_is_the_riccati_value_within_sampling_error():
     for _ in range(steps):
         squares += np.mean((outputs @ x) ** 2, axis=1)
         x = loop @ x + drive @ rng.standard_normal((drive.shape[1], 400))
-    assert squares / steps @ _priced(design, GENTLE) == pytest.approx(_cost(design, GENTLE), rel=0.1)
+    assert squares / steps @ priced(design, GENTLE) == pytest.approx(riccati_cost(design, GENTLE), rel=0.1)
 
 
 def test_flown_rms_is_that_of_the_lyapunov_equation():
@@ -321,7 +266,7 @@ def test_free_flaps_cost_less_than_the_same_tied_together(model, frame, weight):
     """For one set of weights whatever three flaps do as one, three free ones may do, too: a bound, no tolerance."""
     free = _alike(model)
     costs = [
-        _cost(design_model(each, None if frame == "blade" else each.turbine), Weights(weight))
+        riccati_cost(design_model(each, None if frame == "blade" else each.turbine), Weights(weight))
         for each in (free, _tied(free))
     ]
     assert costs[0] < costs[1]
@@ -343,7 +288,7 @@ def test_flaps_that_do_the_same_are_moved_as_the_one_flap_they_make():
     )
     assert parted.flaps[0] == replace(ONE.flaps[0], name="flap1")
     for of in (lambda each: design_model(each), lambda each: design_model(each, each.turbine)):
-        assert _cost(of(parted), GENTLE) == pytest.approx(_cost(of(ONE), GENTLE), rel=1e-6)
+        assert riccati_cost(of(parted), GENTLE) == pytest.approx(riccati_cost(of(ONE), GENTLE), rel=1e-6)
     several, one = (
         simulate(lqg_agent("lqg", each, GENTLE), each, SEEDS, 5.0).flap_angle for each in (parted, ONE)
     )

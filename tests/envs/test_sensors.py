@@ -69,7 +69,7 @@ def test_noise_is_added_to_the_moments_whether_late_or_not(backend, delay):
         added.append(seen[0] - expected[0])
     got = np.stack(added, axis=1)
     assert not got[:, :, :6].any()
-    expected = np.stack([noisy.noise_of(turbine) for turbine in range(COUNT)])[:, : got.shape[1]]
+    expected = np.stack([noisy.own_of(turbine) for turbine in range(COUNT)])[:, : got.shape[1]]
     # Moments of ten millions, in single precision.
     np.testing.assert_allclose(got[:, :, MOMENTS], 1e-6 * expected, atol=4e-6)
 
@@ -77,7 +77,7 @@ def test_noise_is_added_to_the_moments_whether_late_or_not(backend, delay):
 def test_noise_is_white_and_as_large_as_asked_for():
     turbines = _turbines("numpy", 60, sensors={"noise": 2e5})
     _begin(turbines)
-    noise = np.stack([turbines.noise_of(turbine) for turbine in range(60)])
+    noise = np.stack([turbines.own_of(turbine) for turbine in range(60)])
     count = noise.size
     # Four standard errors.
     assert noise.std() == pytest.approx(2e5, rel=4.0 / np.sqrt(2.0 * count))
@@ -92,7 +92,7 @@ def test_past_the_end_of_an_episode_the_last_noise_is_seen_and_none_of_others(ba
     for each in (turbines, quiet):
         _begin(each)
     intervals = turbines.stepping.intervals
-    last = np.stack([turbines.noise_of(turbine)[-1] for turbine in range(COUNT)])
+    last = np.stack([turbines.own_of(turbine)[-1] for turbine in range(COUNT)])
     for number in range(1, intervals + 4):
         seen, _, _, over, _ = turbines.step(np.zeros((COUNT, 6)))
         still = quiet.step(np.zeros((COUNT, 6)))[0]

@@ -21,7 +21,13 @@ from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
 CHANGES = ("rbm_rms_change", "tip_rms_change", "rbm_del_change", "rbm_del_summed_change", "tower_rms_change")
-FIGURES = ("rbm_rms", "rbm_del", "flap_angle_max", "flap_rate_max", "flap_travel")
+FIGURES = (
+    "rbm_rms_Nm",
+    "rbm_del_Nm",
+    "flap_angle_max_rad",
+    "flap_rate_max_rad_per_s",
+    "flap_travel_rad_per_s",
+)
 
 
 def _policy():
@@ -124,14 +130,14 @@ def test_an_agent_whose_linear_loop_grows_is_marked_with_frequency_and_doubling_
     assert abs(fastest) > 1.0
     frequency = abs(np.angle(fastest)) / (2.0 * np.pi * MODEL.time_step)
     agents = json.loads((tmp_path / "compare.json").read_text())["agents"]
-    assert agents["wild"]["growth_frequency"] == pytest.approx(frequency)
-    assert abs(fastest) ** (agents["wild"]["doubling_time"] / MODEL.time_step) == pytest.approx(2.0)
+    assert agents["wild"]["growth_frequency_Hz"] == pytest.approx(frequency)
+    assert abs(fastest) ** (agents["wild"]["doubling_time_s"] / MODEL.time_step) == pytest.approx(2.0)
     for name in ("open_loop", "held", "policy"):
-        assert agents[name]["growth_frequency"] is agents[name]["doubling_time"] is None
+        assert agents[name]["growth_frequency_Hz"] is agents[name]["doubling_time_s"] is None
     rows = {row["agent"]: row for row in csv.DictReader((tmp_path / "compare.csv").read_text().splitlines())}
-    assert float(rows["wild"]["doubling_time"]) == agents["wild"]["doubling_time"]
-    assert rows["held"]["doubling_time"] == ""
-    line = f"wild: its linear loop grows at {frequency:.2f} Hz, doubling in {agents['wild']['doubling_time']:.3g} s"
+    assert float(rows["wild"]["doubling_time_s"]) == agents["wild"]["doubling_time_s"]
+    assert rows["held"]["doubling_time_s"] == ""
+    line = f"wild: its linear loop grows at {frequency:.2f} Hz, doubling in {agents['wild']['doubling_time_s']:.3g} s"
     for text in (as_text(comparison), (tmp_path / "compare.md").read_text()):
         assert line in text
         assert "held: its linear loop" not in text

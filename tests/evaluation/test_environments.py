@@ -50,10 +50,10 @@ def test_gravity_and_shear_are_part_of_the_loads_at_a_site():
     [
         ({"environment": "NREL5MW"}, "environment: expected one of 'flapgym/NREL5MW-v1'"),
         ({"environment": "flapgym/NREL5MWBlade-v1"}, "environment: expected one of"),
-        ({"environment": SITE, "model": "nrel5mw-rated"}, "model: expected none beside an environment"),
+        ({"environment": SITE, "model": "nrel5mw-rated"}, "wind.field: expected a model with winds by strip"),
     ],
 )
-def test_what_is_no_environment_or_stands_beside_one_is_refused(keywords, message):
+def test_what_is_no_environment_or_a_model_that_does_not_suit_it_is_refused(keywords, message):
     with pytest.raises(ValueError, match=message):
         plan(**keywords)
 

@@ -8,7 +8,6 @@ import rainflow
 
 from flapgym.evaluation.bootstrap import paired_change, summed_damage_change
 from flapgym.evaluation.metrics import (
-    Record,
     damage_equivalent_load,
     measure,
     rainflow_cycles,
@@ -16,6 +15,7 @@ from flapgym.evaluation.metrics import (
     summed_damage_load,
     turning_points,
 )
+from flapgym.evaluation.record import Record
 
 ASTM = [-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0]
 ASTM_RANGES = {3.0: 0.5, 4.0: 1.5, 6.0: 0.5, 8.0: 1.0, 9.0: 0.5}

@@ -20,13 +20,15 @@ from flapgym.envs.task import Scoring
 from flapgym.plant.backends.numba import (
     EDITION,
     MOTION,
+    ONE,
     START,
+    TWO,
     actuators,
     add_inputs,
     choose,
     components,
     last_size,
-    leave,
+    let_decay,
     move,
     read_modes,
     tell,
@@ -36,8 +38,6 @@ from flapgym.plant.linear import LinearPlant
 from flapgym.plant.parameters import Sizes, State
 
 SIZES = len(Sizes._fields)
-ONE = np.int64(1)
-"""Turbine."""
 
 
 @njit(**OPTIONS)
@@ -77,21 +77,21 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         for i in range(action.size):
             if not abs(action[i]) < math.inf:
                 return False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        s = Sizes(*to_fixed_tuple(own[:SIZES].view(np.int64), SIZES))
+        s = Sizes(*to_fixed_tuple(own.view(np.int64), SIZES))
         count, each, k, size = actuators(s), BLADES * (s.flaps + s.pitch), s.steps, last_size(s)
         # Where things are, in the order of `CompiledTurbine`.
         above, fed = 1 + s.rows, s.given + 2 * each * k
         feed_at = (above + fed) * s.modes
         modes_at = feed_at + fed * s.rows
-        rows_at = modes_at + 2 * s.modes
+        rows_at = modes_at + s.modes
         inputs_at = rows_at + s.rows
         responses_at = inputs_at + fed
         table_at = SIZES + 4
-        settling_at = table_at + 8 * count
+        heading_at = table_at + 8 * count
+        settling_at = heading_at + 2
         motion_at = settling_at + 2 * k
         work_at = motion_at + MOTION * count
-        heading_at = work_at + work_size(s)
-        told_at = heading_at + 2
+        told_at = work_at + work_size(s)
         squares_at = told_at + size
         scoring_at = squares_at + s.blades + s.fixed_outputs
         entries_at = scoring_at + 4
@@ -99,41 +99,35 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         added_at = begun_at + 3
 
         elapsed, level, azimuth = int(own[begun_at]), own[begun_at + 1], own[begun_at + 2]
-        now_at, next_at = modes_at + elapsed % 2 * s.modes, modes_at + (elapsed + 1) % 2 * s.modes
         matrix = real[:feed_at].reshape((above + fed, s.modes))
         feed = real[feed_at:modes_at].reshape((fed, s.rows))
-        modes, after = real[now_at : now_at + s.modes], real[next_at : next_at + s.modes]
-        rows, inputs = real[rows_at:inputs_at], real[inputs_at:responses_at]
-        clock, table = own[SIZES + 1 : table_at], own[table_at:settling_at]
-        motion, work = own[motion_at:work_at], own[work_at:heading_at]
-        heading, told, squares = own[heading_at:told_at], own[told_at:squares_at], own[squares_at:scoring_at]
+        modes, rows, inputs = real[modes_at:rows_at], real[rows_at:inputs_at], real[inputs_at:responses_at]
+        table, motion, work = own[table_at:settling_at], own[motion_at:work_at], own[work_at:told_at]
+        told, squares = own[told_at:squares_at], own[squares_at:scoring_at]
         wind_at = responses_at + min(elapsed, s.intervals - 1) * (s.rows + s.kept)
         wind = real[wind_at : wind_at + s.rows + s.kept]
 
-        angle = azimuth + clock[0] * elapsed
-        heading[0], heading[1] = math.cos(angle), math.sin(angle)
-        components(s, ONE, table, motion, START, heading, inputs, fed, s.commanded)
-        components(s, ONE, table, motion, count, heading, inputs, fed, s.commanded + each)
+        angle = azimuth + own[SIZES + 1] * elapsed
+        own[heading_at], own[heading_at + 1] = math.cos(angle), math.sin(angle)
+        components(s, ONE, table, motion, START, TWO, inputs, fed, s.commanded)
         if s.lags:
-            components(s, ONE, table, motion, 2 * count, heading, inputs, fed, each)
+            components(s, ONE, table, motion, 2 * count, ONE, inputs, fed, each)
         met, jumped = move(s, ONE, own[SIZES], table, action, motion, work)
-        components(s, ONE, table, work, START, heading, inputs, fed, START)
+        components(s, ONE, table, work, START, ONE, inputs, fed, START)
         most = s.given + each * k * (met + jumped)
-        for j in range(k * (met + jumped)):
-            components(s, ONE, table, work, (1 + j) * count, heading, inputs, fed, s.given + j * each)
         if met:
+            components(s, ONE, table, work, count, k * (met + jumped), inputs, fed, s.given)
             choose(s, ONE, motion, own[settling_at:motion_at], inputs, fed)
         read_modes(matrix, 1, modes, rows)
         add_inputs(feed, START, inputs, most, rows)
-        after[:] = 0.0
-        add_inputs(matrix, above, inputs, most, after)
-        leave(matrix[0], modes, after)
+        let_decay(matrix[0], modes)
+        add_inputs(matrix, above, inputs, most, modes)
         for row in range(s.rows):
             rows[row] += wind[row] * level
         # No samples are wanted, so any array will do.
-        angle += clock[0]
+        angle, further, beside = angle + own[SIZES + 1], own[SIZES + 2], own[SIZES + 3]
         angle_square = tell(
-            s, ONE, START, clock, angle, heading, motion, work, rows, wind, level, told, squares, feed
+            s, ONE, START, further, beside, angle, table, motion, work, rows, wind, level, told, squares, feed
         )
         own[begun_at] = elapsed + 1.0
         # Past the end of an episode there is no more of it.
@@ -157,11 +151,11 @@ sample."""
 class CompiledTurbine:
     """The one turbine of a plant, in flat arrays, which are the plant's state while it is stepped here.
 
-    `real`, in the precision of the modes, holds decay, C, B and D of the parameters; modes twice, now and after the
-    step, in turns; rows and inputs to work in; the response to the episode's wind. `own`, in double precision, holds
-    sizes (as whole numbers), time step, azimuth of an interval, its cosine and sine, actuators, `settling`, motion,
-    numbers to work in, heading, what is told with mean squares behind it, scoring, entries of the observation, actions
-    since the reset, level of the response, azimuth at the reset, and what sensors add of their own.
+    `real`, in the precision of the modes, holds decay, C, B and D of the parameters; modes; rows and inputs to work in;
+    the response to the episode's wind. `own`, in double precision, holds sizes (as whole numbers), time step, azimuth
+    of an interval, its cosine and sine, actuators, heading, `settling`, motion, numbers to work in, what is told with
+    mean squares behind it, scoring, entries of the observation, actions since the reset, level of the response, azimuth
+    at the reset, and what sensors add of their own.
 
     Parameters
     ----------
@@ -174,18 +168,18 @@ class CompiledTurbine:
         self._plant, p = plant, plant.parameters
         self._observed, s, count = len(scoring.columns), p.sizes, p.angle_limit.size
         constants = np.concatenate([each.ravel() for each in (p.decay, p.C.T, p.B, p.D)])
-        self._modes = constants.size
-        self._responses = constants.size + 2 * s.modes + s.rows + len(p.D)
+        self._modes = slice(constants.size, constants.size + s.modes)
+        self._responses = self._modes.stop + s.rows + len(p.D)
         length = s.intervals * (s.rows + s.kept)
         self._real = np.zeros(self._responses + length, dtype=constants.dtype)
         self._real[: constants.size] = constants
         turn = p.turn * s.steps
         clock = np.array([p.time_step, turn, math.cos(turn), math.sin(turn)])
         sizes = np.array(s, dtype=np.int64).view(np.float64)
-        fixed = np.concatenate([sizes, clock, p.actuators.ravel(), p.settling.ravel()])
+        fixed = np.concatenate([sizes, clock, p.actuators.ravel(), np.zeros(2), p.settling.ravel()])
         begin = fixed.size
         self._flaps = slice(begin, begin + 4 * count)
-        told = begin + MOTION * count + work_size.py_func(s) + 2
+        told = begin + MOTION * count + work_size.py_func(s)
         self._told = slice(told, told + plant.quantities.size + s.blades)
         head = [scoring.fore_aft, scoring.rbm_weight, scoring.angle_weight, scoring.tower_weight]
         table = (scoring.columns, scoring.factors, scoring.offsets, scoring.bounds, scoring.added)
@@ -197,11 +191,6 @@ class CompiledTurbine:
         run_kept(_step, self._real, self._own, still, empty(self._observed, np.float32))
         self.load(np.empty((0, 0)))
 
-    def _modes_after(self, elapsed: int) -> slice:
-        """Where the modes are after so many actions."""
-        begin, size = self._modes, self._plant.parameters.sizes.modes
-        return slice(begin + elapsed % 2 * size, begin + (elapsed % 2 + 1) * size)
-
     def load(self, own: Array) -> None:
         """Take the plant's turbine, and its sensors' own numbers (intervals + 1, S), or none of size 0."""
         episode, state = self._plant.episode, self._plant.state
@@ -209,7 +198,7 @@ class CompiledTurbine:
         self._own = np.concatenate([self._constants, begun, own.ravel()])
         self._own[self._flaps] = state.flaps.ravel()
         self._begun = self._constants.size
-        self._real[self._modes_after(int(state.elapsed[0]))] = state.modes[0]
+        self._real[self._modes] = state.modes[0]
         self._real[self._responses :] = episode.responses[episode.place[0]].ravel()
 
     def store(self) -> None:
@@ -218,7 +207,7 @@ class CompiledTurbine:
         self._plant.state = State(
             elapsed=elapsed,
             flaps=self._own[self._flaps].reshape(4, -1, 1).copy(),
-            modes=self._real[None, self._modes_after(int(elapsed[0]))].copy(),
+            modes=self._real[None, self._modes].copy(),
         )
 
     def step(self, action: FloatArray, observation: np.ndarray) -> Told:

@@ -31,8 +31,8 @@ THIRD = 1.0 / BLADES
 C1, S1 = math.cos(2.0 * math.pi * THIRD), math.sin(2.0 * math.pi * THIRD)
 """From one blade to the next."""
 TURN = 2.0 * math.pi
-START = np.int64(0)
-"""Where a first place is handed over: numba compiles a function anew for a literal number."""
+START, ONE, TWO = np.int64(0), np.int64(1), np.int64(2)
+"""Where a first place or a count is handed over: numba compiles a function anew for a literal number."""
 BLOCK = 128
 """Turbines that are stepped together."""
 NEXT_TO_NOTHING = 1e-30
@@ -72,7 +72,7 @@ def move(s, n, time_step, table, actions, motion, work):  # type: ignore[no-unty
     n : int
     time_step : float
     table : (8 blades A n,) float
-        `Parameters.actuators`, each entry n times.
+        `Parameters.actuators`, each entry n times, and headings (`components`).
     actions : (n blades A,) float
     motion : (MOTION blades A n,) float
         Of every actuator, turbines innermost; changed.
@@ -115,29 +115,46 @@ def move(s, n, time_step, table, actions, motion, work):  # type: ignore[no-unty
 
 
 @njit(**OPTIONS)
-def components(s, n, table, values, first, heading, inputs, width, place):  # type: ignore[no-untyped-def]
-    """Components of a quantity of n turbines' actuators, values[first:], into inputs of `width`, from `place` on.
+def components(s, n, table, values, first, many, inputs, width, place):  # type: ignore[no-untyped-def]
+    """Components of `many` quantities of n turbines' actuators, values[first:], into inputs of `width` from `place` on.
 
-    Three each. What turns with blade 1 (along), and across it, is turned back by heading (2 n,), cosines before sines.
+    Three each. What turns with blade 1 (along), and across it, is turned back by the headings behind the table, (2 n,),
+    cosines before sines.
     """
-    effect = 3 * actuators(s) * n
-    for f in range(s.flaps + s.pitch):
-        # Flaps come blade by blade, pitch behind them.
-        own, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
-        at = first + own * n
-        for t in range(n):
-            one, mean, along, across = values[at + t] * table[effect + own * n + t], 0.0, 0.0, 0.0
-            mean = one
-            if s.blades == BLADES:
-                second, third = (own + next_blade) * n + t, (own + 2 * next_blade) * n + t
-                two = values[first + second] * table[effect + second]
-                three = values[first + third] * table[effect + third]
-                mean = THIRD * (one + two + three)
-                along = 2.0 * THIRD * (one + C1 * (two + three))
-                across = 2.0 * THIRD * (S1 * (three - two))
-            cosine, sine, to = heading[t], heading[n + t], t * width + place + BLADES * f
-            inputs[to] = mean
-            inputs[to + 1], inputs[to + 2] = cosine * along + sine * across, sine * along - cosine * across
+    count, each = actuators(s), s.flaps + s.pitch
+    # Unsigned, as in `move`.
+    effect, cosines, sines = (
+        np.uint64(3 * count * n),
+        np.uint64(8 * count * n),
+        np.uint64((8 * count + 1) * n),
+    )
+    all_of, wide = np.uint64(n), np.uint64(width)
+    for q in range(many):
+        begin = np.uint64(first + q * count * n)
+        for f in range(each):
+            # Flaps come blade by blade, pitch behind them.
+            own, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
+            a, b, c = (
+                np.uint64(own * n),
+                np.uint64((own + next_blade) * n),
+                np.uint64((own + 2 * next_blade) * n),
+            )
+            to = np.uint64(place + BLADES * (q * each + f))
+            for t in range(all_of):
+                one, along, across = values[begin + a + t] * table[effect + a + t], 0.0, 0.0
+                mean = one
+                if s.blades == BLADES:
+                    two = values[begin + b + t] * table[effect + b + t]
+                    three = values[begin + c + t] * table[effect + c + t]
+                    mean = THIRD * (one + two + three)
+                    along = 2.0 * THIRD * (one + C1 * (two + three))
+                    across = 2.0 * THIRD * (S1 * (three - two))
+                cosine, sine, at = table[cosines + t], table[sines + t], t * wide + to
+                inputs[at] = mean
+                inputs[at + 1], inputs[at + 2] = (
+                    cosine * along + sine * across,
+                    sine * along - cosine * across,
+                )
 
 
 @njit(**WITHIN)
@@ -167,19 +184,32 @@ def choose(s, n, motion, settling, inputs, width):  # type: ignore[no-untyped-de
 
 
 @njit(**OPTIONS)
-def leave(decay, modes, after):  # type: ignore[no-untyped-def]
-    """Add what an interval leaves of the modes of turbines, (n 2 M,), to what came in it; next to nothing is nothing.
+def let_decay(decay, modes):  # type: ignore[no-untyped-def]
+    """Leave of the modes (2 M,) of a turbine what an interval does; next to nothing becomes nothing.
 
     What flaps at rest leave in the modes would decay to denormal numbers, which take ten times as long.
     """
-    nothing, half = after.dtype.type(0.0), decay.size // 2
-    for at in range(0, modes.size, 2 * half):
-        own, other = modes[at : at + 2 * half], after[at : at + 2 * half]
+    # In place, which `leave` cannot be without losing its vectors: a tenth of a step of one turbine is here.
+    nothing, half = modes.dtype.type(0.0), modes.size // 2
+    along, across = modes[:half], modes[half:]
+    for m in range(half):
+        first = decay[m] * along[m] - decay[half + m] * across[m]
+        second = decay[m] * across[m] + decay[half + m] * along[m]
+        along[m] = first if abs(first) > NEXT_TO_NOTHING else nothing
+        across[m] = second if abs(second) > NEXT_TO_NOTHING else nothing
+
+
+@njit(**OPTIONS)
+def leave(decay, modes, after):  # type: ignore[no-untyped-def]
+    """Add what an interval leaves of the modes of turbines, (n 2 M,), to what came in it, as `let_decay`."""
+    nothing, half = after.dtype.type(0.0), np.uint64(decay.size // 2)
+    for at in range(np.uint64(0), np.uint64(modes.size), half + half):
         for m in range(half):
-            first = other[m] + decay[m] * own[m] - decay[half + m] * own[half + m]
-            second = other[half + m] + decay[m] * own[half + m] + decay[half + m] * own[m]
-            other[m] = first if abs(first) > NEXT_TO_NOTHING else nothing
-            other[half + m] = second if abs(second) > NEXT_TO_NOTHING else nothing
+            real, imaginary = at + m, at + half + m
+            first = after[real] + decay[m] * modes[real] - decay[half + m] * modes[imaginary]
+            second = after[imaginary] + decay[m] * modes[imaginary] + decay[half + m] * modes[real]
+            after[real] = first if abs(first) > NEXT_TO_NOTHING else nothing
+            after[imaginary] = second if abs(second) > NEXT_TO_NOTHING else nothing
 
 
 @njit(**OPTIONS)
@@ -247,18 +277,18 @@ def on_blades(mean, along, across, cosine, sine):  # type: ignore[no-untyped-def
 
 
 @njit(**WITHIN)
-def tell(s, n, t, clock, angle, heading, motion, work, rows, wind, level, told, squares, samples):  # type: ignore[no-untyped-def]
+def tell(s, n, t, further, beside, angle, table, motion, work, rows, wind, level, told, squares, samples):  # type: ignore[no-untyped-def]
     """All that turbine t of n tells; returns the mean square of its angles over their stops.
 
     Parameters
     ----------
     s : Sizes
     n, t : int
-    clock : (3,) float
-        Azimuth of an interval, its cosine and its sine.
+    further, beside : float
+        Cosine and sine of the azimuth of an interval.
     angle : float
         Azimuth of blade 1 at the end, turns and all.
-    heading, motion, work : float
+    table, motion, work : float
         As in `components` and `move`.
     rows : (rows,) float
         Loads, the wind's part added.
@@ -272,7 +302,8 @@ def tell(s, n, t, clock, angle, heading, motion, work, rows, wind, level, told, 
         Filled where they are wanted.
     """
     whole, count, kept = s.blades == BLADES, actuators(s), s.kept
-    m, cosine, sine = count * n, heading[t], heading[n + t]
+    m = count * n
+    cosine, sine = table[8 * m + t], table[8 * m + n + t]
     row = 0
     for quantity in range(s.blade_outputs):
         place, steps = quantity * s.blades, s.steps if quantity == 0 else kept
@@ -327,8 +358,8 @@ def tell(s, n, t, clock, angle, heading, motion, work, rows, wind, level, told, 
     told[place] = wind[s.rows + kept - 1] * level
     # Rounding must not leave a turn.
     told[place + 1] = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
-    told[place + 2] = cosine * clock[1] - sine * clock[2]
-    told[place + 3] = sine * clock[1] + cosine * clock[2]
+    told[place + 2] = cosine * further - sine * beside
+    told[place + 3] = sine * further + cosine * beside
     return square / (s.steps * s.blades * s.flaps)
 
 
@@ -342,7 +373,8 @@ def _entry(edition: int) -> Any:
         count, k, each = actuators(s), s.steps, BLADES * (s.flaps + s.pitch)
         settling, decay, total = p.settling.ravel(), p.decay.ravel(), np.empty(s.rows)
         turn = p.turn * k
-        clock = np.array([turn, math.cos(turn), math.sin(turn)])
+        cosine, sine = math.cos(turn), math.sin(turn)
+        listed = np.concatenate((p.actuators.ravel(), np.zeros(2)))
         flaps, modes = np.empty((4, count, n)), np.empty((n, s.modes), kind)
         last, squares = np.empty((n, last_size(s))), np.empty((n, s.blades + s.fixed_outputs))
         angle_square = np.empty(n)
@@ -353,10 +385,10 @@ def _entry(edition: int) -> Any:
             some = slice(first, min(first + BLOCK, n))
             azimuth = episode.azimuth[some] + turn * state.elapsed[some]
             size = azimuth.size
-            table = np.repeat(p.actuators.ravel(), size)
-            heading = np.empty(2 * size)
+            table = np.repeat(listed, size)
             for t in range(size):
-                heading[t], heading[size + t] = math.cos(azimuth[t]), math.sin(azimuth[t])
+                table[8 * count * size + t] = math.cos(azimuth[t])
+                table[8 * count * size + size + t] = math.sin(azimuth[t])
             motion, work = np.empty(MOTION * count * size), np.empty(size * work_size(s))
             # Number by number: with a slice numba compiles the message that its size is another, for two seconds.
             for what in range(4):
@@ -367,13 +399,11 @@ def _entry(edition: int) -> Any:
             met, jumped = move(s, size, p.time_step, table, actions[some].ravel(), motion, work)
             wide, m = s.given + each * k * met, count * size
             inputs = np.empty(size * wide, kind)
-            components(s, size, table, work, START, heading, inputs, wide, START)
+            components(s, size, table, work, START, ONE, inputs, wide, START)
             if s.lags:
-                components(s, size, table, started, 2 * m, heading, inputs, wide, each)
-            components(s, size, table, started, START, heading, inputs, wide, s.commanded)
-            components(s, size, table, started, m, heading, inputs, wide, s.commanded + each)
-            for j in range(k * met):
-                components(s, size, table, work, (1 + j) * m, heading, inputs, wide, s.given + j * each)
+                components(s, size, table, started, 2 * m, ONE, inputs, wide, each)
+            components(s, size, table, started, START, TWO, inputs, wide, s.commanded)
+            components(s, size, table, work, m, k * met, inputs, wide, s.given)
             if met:
                 choose(s, size, motion, settling, inputs, wide)
             given, before, after = inputs.reshape((size, wide)), state.modes[some], modes[some]
@@ -386,8 +416,7 @@ def _entry(edition: int) -> Any:
             if jumped:
                 # Few actuators hit a stop at once.
                 leaps, jump_at = np.empty(size * each * k, kind), s.given + each * k
-                for j in range(k):
-                    components(s, size, table, work, (1 + k + j) * m, heading, leaps, each * k, j * each)
+                components(s, size, table, work, (1 + k) * m, k, leaps, each * k, START)
                 for t in range(size):
                     own, leapt = leaps[t * each * k : (t + 1) * each * k], 0.0
                     for q in range(each * k):
@@ -408,7 +437,7 @@ def _entry(edition: int) -> Any:
                     total[row] = rows[t, row] + wind[row] * level
                 angle, told, own, every = azimuth[t] + turn, last[at], squares[at], samples[at]
                 angle_square[at] = tell(
-                    s, size, t, clock, angle, heading, motion, work, total, wind, level, told, own, every
+                    s, size, t, cosine, sine, angle, table, motion, work, total, wind, level, told, own, every
                 )
         # Plain tuples: to make a named one Python's own code runs, and an interrupt there is the end of the process.
         return (state.elapsed + 1, flaps, modes), (last, squares, angle_square, samples)

@@ -123,23 +123,23 @@ def components(s, n, table, values, first, many, inputs, width, place):  # type:
     """
     count, each = actuators(s), s.flaps + s.pitch
     # Unsigned, as in `move`.
-    effect, cosines, sines = (
+    effect, headings, all_of, wide = (
         np.uint64(3 * count * n),
         np.uint64(8 * count * n),
-        np.uint64((8 * count + 1) * n),
+        np.uint64(n),
+        np.uint64(width),
     )
-    all_of, wide = np.uint64(n), np.uint64(width)
     for q in range(many):
         begin = np.uint64(first + q * count * n)
         for f in range(each):
             # Flaps come blade by blade, pitch behind them.
             own, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
-            a, b, c = (
+            a, on, to = (
                 np.uint64(own * n),
-                np.uint64((own + next_blade) * n),
-                np.uint64((own + 2 * next_blade) * n),
+                np.uint64(next_blade * n),
+                np.uint64(place + BLADES * (q * each + f)),
             )
-            to = np.uint64(place + BLADES * (q * each + f))
+            b, c = a + on, a + on + on
             for t in range(all_of):
                 one, along, across = values[begin + a + t] * table[effect + a + t], 0.0, 0.0
                 mean = one
@@ -149,12 +149,9 @@ def components(s, n, table, values, first, many, inputs, width, place):  # type:
                     mean = THIRD * (one + two + three)
                     along = 2.0 * THIRD * (one + C1 * (two + three))
                     across = 2.0 * THIRD * (S1 * (three - two))
-                cosine, sine, at = table[cosines + t], table[sines + t], t * wide + to
-                inputs[at] = mean
-                inputs[at + 1], inputs[at + 2] = (
-                    cosine * along + sine * across,
-                    sine * along - cosine * across,
-                )
+                cosine, sine, at = table[headings + t], table[headings + all_of + t], t * wide + to
+                inputs[at], inputs[at + 1] = mean, cosine * along + sine * across
+                inputs[at + 2] = sine * along - cosine * across
 
 
 @njit(**WITHIN)

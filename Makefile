@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help compare tables paper validate train test lint bench fuzz clean
+.PHONY: help compare lifetime tables paper validate train test lint bench fuzz clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -17,6 +17,9 @@ help:  ## list the targets
 
 compare: .venv/with-baselines  ## score every shipped agent: table, results/compare.{json,csv,md} and figure
 	$(BIN)/flapgym compare $(ARGS)
+
+lifetime: .venv/with-baselines  ## score agents over a turbine's life: table, results/lifetime.{json,csv,md} and figure
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/flapgym lifetime $(ARGS)
 
 paper: .venv/with-baselines  ## the paper's Section IV beside ours: results/paper.{md,html} (ARGS: parts, --quick, --processes)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MPLBACKEND=agg $(BIN)/python -m baselines.paper $(ARGS)

@@ -22,24 +22,39 @@ from flapgym import __version__
 from flapgym.aerodynamics.report import describe_aerodynamics
 from flapgym.aeroelastic.cache import COMPLETE_STAGES, cached_model, cached_path
 from flapgym.aeroelastic.operating import operating_case
-from flapgym.control import AGENT_NAMES, FIELD_AGENT_NAMES, INDIVIDUAL_PITCH
+from flapgym.control import AGENT_NAMES, FIELD_AGENT_NAMES, INDIVIDUAL_PITCH, INDIVIDUAL_PITCH_2P
 from flapgym.core import program
 from flapgym.core.atomic import check_target
 from flapgym.core.program import Work, real, whole
 from flapgym.core.progress import ProgressBar
 from flapgym.core.state_space import StateSpace
 from flapgym.core.wording import number, one_line
-from flapgym.evaluation import SCORED_SEED, as_text, plan, run, writable_folder, write_report
+from flapgym.evaluation import (
+    SCORED_SEED,
+    as_text,
+    lifetime_text,
+    plan,
+    plan_lifetime,
+    run,
+    run_lifetime,
+    writable_folder,
+    write_lifetime,
+    write_report,
+)
 from flapgym.evaluation.comparison import LARGEST_SEED, LONGEST, MOST_REALISATIONS, STEEPEST
+from flapgym.evaluation.lifetime_report import FILES as LIFETIME_FILES
+from flapgym.evaluation.lifetime_study import DEFAULT_MODELS, DURATION, LONGEST_LIFE, MOST_SEEDS, SEEDS, YEARS
 from flapgym.evaluation.metrics import FATIGUE_SLOPE
-from flapgym.evaluation.report import FILES, WIDTH
+from flapgym.evaluation.report import FILES
 from flapgym.evaluation.series import check_series, write_series
+from flapgym.evaluation.tables import WIDTH
 from flapgym.model import DEFAULT_MODEL, ModelSet, TurbineModel, load_model, save_model, save_model_set
 from flapgym.model.nameplate import nameplate
 from flapgym.structure.mode_plot import plot_modes
 from flapgym.structure.modes import modes_table
 from flapgym.structure.report import describe_modes
 from flapgym.turbine import BUILT_IN, DEFAULT_CASE, Case, load_case
+from flapgym.wind.iec import REFERENCE_INTENSITIES, REFERENCE_SPEEDS
 
 PICTURES = (".pdf", ".png", ".svg")
 NARROWEST = 80
@@ -57,6 +72,12 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, door, takes, text in (
         ("compare", _compare, _takes_comparison, "score agents on the same turbulence, against open loop"),
+        (
+            "lifetime",
+            _lifetime,
+            _takes_lifetime,
+            "score agents over a turbine's life: every wind speed, weighted with how often it blows",
+        ),
         ("build", _build, _takes_build, "build the model of a case and write it to a file"),
         ("aero", _aero, _takes_case, "print mean loads and gains of a case's vortex lattice"),
         (
@@ -80,7 +101,8 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         metavar="AGENT",
         default=AGENT_NAMES,
         help=f"shipped ones ({', '.join(AGENT_NAMES)}), those for a field ({', '.join(FIELD_AGENT_NAMES)}), "
-        f".json files, {INDIVIDUAL_PITCH} where blades pitch, or {INDIVIDUAL_PITCH}+lqg and so on; default: the first",
+        f".json files, {INDIVIDUAL_PITCH} or {INDIVIDUAL_PITCH_2P} where blades pitch, either with +lqg and so on "
+        "behind it; default: the first",
     )
     sub.add_argument(
         "--model",
@@ -171,6 +193,78 @@ def _takes_comparison(sub: argparse.ArgumentParser) -> None:
         "--channels",
         action="store_true",
         help="score every load channel, too, at S-N slopes from 3 to 12: a second table",
+    )
+
+
+def _takes_lifetime(sub: argparse.ArgumentParser) -> None:
+    sub.set_defaults(kept="finished wind speeds are kept, and the next run takes them up")
+    sub.add_argument(
+        "--agents",
+        nargs="+",
+        metavar="AGENT",
+        help=f"shipped ones ({', '.join(AGENT_NAMES)}), .json files, {INDIVIDUAL_PITCH}, {INDIVIDUAL_PITCH}+lqg and so "
+        "on; default: all shipped, and individual pitch where the blades pitch",
+    )
+    sub.add_argument(
+        "--models",
+        metavar="SET",
+        default=DEFAULT_MODELS,
+        help="file of a turbine's models at several wind speeds, or name of a shipped set; default: %(default)s",
+    )
+    sub.add_argument(
+        "--wind-speeds",
+        nargs="+",
+        type=real(0.0, 100.0, "m/s"),
+        metavar="SPEED",
+        help="some of the models' [m/s]; default: all",
+    )
+    sub.add_argument(
+        "--seeds",
+        type=whole(1, MOST_SEEDS),
+        metavar="N",
+        default=SEEDS,
+        help="realisations at each wind speed; default: %(default)s",
+    )
+    sub.add_argument(
+        "--seed", type=whole(0, LARGEST_SEED), default=SCORED_SEED, help="of the first; default: %(default)s"
+    )
+    sub.add_argument(
+        "--duration",
+        type=real(10.0, LONGEST, "s"),
+        metavar="SECONDS",
+        default=DURATION,
+        help="of each; default: %(default)s",
+    )
+    sub.add_argument(
+        "--class",
+        dest="turbulence_class",
+        choices=tuple(REFERENCE_INTENSITIES),
+        default="B",
+        help="of the turbulence; default: %(default)s",
+    )
+    sub.add_argument(
+        "--wind-class",
+        choices=tuple(REFERENCE_SPEEDS),
+        default="II",
+        help="of the yearly wind, a mean of 10, 8.5 or 7.5 m/s; default: %(default)s",
+    )
+    sub.add_argument(
+        "--years",
+        type=real(0.01, LONGEST_LIFE, "years"),
+        default=YEARS,
+        help="the life; default: %(default)s",
+    )
+    sub.add_argument(
+        "--output",
+        metavar="DIR",
+        default="results",
+        help="folder for lifetime.json, .csv, .md and .png, and for what an interrupted run has found; "
+        "default: %(default)s",
+    )
+    sub.add_argument(
+        "--save-series",
+        metavar="DIR",
+        help="folder for every plant sample of each realisation as NetCDF, some 10 MB each (needs flapgym[series])",
     )
 
 
@@ -266,9 +360,36 @@ def _compare(options: argparse.Namespace) -> Work:
         if series is not None:
             write_series(comparison, series)
             wrote += f" and {series}"
-        # On a screen as wide as it is, but no narrower than a table bears.
-        width = max(NARROWEST, shutil.get_terminal_size((WIDTH, 0)).columns)
-        print(f"{as_text(comparison, width)}\n\n{wrote}")
+        print(f"{as_text(comparison, _width())}\n\n{wrote}")
+        return 0
+
+    return work
+
+
+def _width() -> int:
+    """Columns for tables: as many as the screen has, but no fewer than a table bears."""
+    return max(NARROWEST, shutil.get_terminal_size((WIDTH, 0)).columns)
+
+
+def _lifetime(options: argparse.Namespace) -> Work:
+    study = plan_lifetime(
+        agents=options.agents,
+        models=options.models,
+        wind_speeds=options.wind_speeds,
+        seeds=options.seeds,
+        seed=options.seed,
+        duration=options.duration,
+        turbulence_class=options.turbulence_class,
+        wind_class=options.wind_class,
+        years=options.years,
+        save_series=options.save_series,
+    )
+    folder = writable_folder(options.output, LIFETIME_FILES)
+
+    def work() -> int:
+        life = run_lifetime(study, progress=True, folder=folder)
+        write_lifetime(life, folder)
+        print(f"{lifetime_text(life, _width())}\n\nwrote lifetime.* in {folder}")
         return 0
 
     return work

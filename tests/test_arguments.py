@@ -264,9 +264,18 @@ ELSEWHERE = {
         "split",
         "steady_loads",
     ),
-    "tests/control/test_field_lqg.py": ("field_lqg",),
+    "tests/control/test_field_lqg.py": ("field_design", "field_lqg"),
     "tests/control/test_individual_pitch.py": ("individual_pitch_agent", "pitch_margin"),
     "tests/evaluation/test_compare.py": ("compare", "writable_folder"),
+    "tests/evaluation/test_lifetime.py": (
+        "class_mean",
+        "lifetime",
+        "lifetime_change",
+        "lifetime_load",
+        "plan_lifetime",
+        "weibull_share",
+        "wind_bins",
+    ),
     "tests/evaluation/test_metrics.py": (
         "damage_equivalent_load",
         "measure",
@@ -286,13 +295,13 @@ ELSEWHERE = {
 }
 """Functions whose refusals have a test of their own."""
 CHECKED_ALREADY = {
-    "as_json", "as_markdown", "as_text", "blade_flap_inputs", "flap_inputs", "lqg_agent", "made_for",
-    "multiblade_pid_agent", "output_rms", "pd_agent", "pid_agent", "pitch_inputs", "register_environments", "run",
-    "simulate_together", "strip_inputs", "synthesise", "white_wind", "write_report",
-    "write_series",
+    "as_json", "as_markdown", "as_text", "blade_flap_inputs", "builtin_model_sets", "flap_inputs", "is_model_set",
+    "lifetime_json", "lifetime_markdown", "lifetime_text", "lqg_agent", "made_for", "multiblade_pid_agent",
+    "output_rms", "pd_agent", "pid_agent", "pitch_inputs", "register_environments", "run", "run_lifetime",
+    "simulate_together", "strip_inputs", "synthesise", "white_wind", "write_lifetime", "write_report", "write_series",
 }  # fmt: skip
 """Those that take nothing but data classes which check themselves, a count of what exists, or no argument at all; and
-`simulate_together`, which `simulate` calls with its own."""
+`simulate_together`, which `simulate` calls with its own; `is_model_set` refuses nothing."""
 
 
 @pytest.mark.parametrize(

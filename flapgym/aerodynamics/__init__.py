@@ -28,6 +28,7 @@ from flapgym.aerodynamics.transport import (
     WakeTransport,
     moving_wake_response,
     pitch_transport,
+    speed_transport,
     wake_transport,
 )
 
@@ -60,6 +61,7 @@ __all__ = [
     "pitch_transport",
     "rigid_rotor",
     "root_moment_load",
+    "speed_transport",
     "steady_circulation",
     "steady_response",
     "transfer_function",

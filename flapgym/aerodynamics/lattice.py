@@ -46,6 +46,10 @@ class Inflow:
         """Velocity of the air relative to points (..., 3) fixed to the surface [m/s]."""
         return self.velocity - np.cross(np.array([self.rotor_speed, 0.0, 0.0]), point)
 
+    def per_rotor_speed(self, point: Array) -> Array:
+        """Change (..., 3) of that velocity as the surface turns faster [m/s per rad/s]."""
+        return -np.cross(np.array([1.0, 0.0, 0.0]), point)
+
     def convect(self, point: Array, time: float) -> Array:
         """Where air that left points (..., 3) of the surface is after a time [s], in the surface's frame."""
         return point @ rotation_about_x(-self.rotor_speed * time).T + self.wake_velocity * time

@@ -27,10 +27,15 @@ def incidence_downwash(aero: Aerodynamics, zero_lift_angle: Array) -> Array:
 
     A section that has no lift at a negative angle meets the air as if its chord were turned that much more.
     """
+    return _downwash_of(aero, aero.relative_velocity, zero_lift_angle)
+
+
+def _downwash_of(aero: Aerodynamics, velocity: Array, zero_lift_angle: Array) -> Array:
+    """The same (n,) of a velocity (n, 3) past the collocation points."""
     chord = _unit(aero.lattice.chord_vector)
-    velocity = aero.relative_velocity.reshape(aero.lattice.chordwise, -1, 3)
-    camber = -np.einsum("csi,si->cs", velocity, chord) * zero_lift_angle
-    return np.asarray(np.einsum("ni,ni->n", aero.relative_velocity, aero.normal) + camber.ravel())
+    by_row = velocity.reshape(aero.lattice.chordwise, -1, 3)
+    camber = -np.einsum("csi,si->cs", by_row, chord) * zero_lift_angle
+    return np.asarray(np.einsum("ni,ni->n", velocity, aero.normal) + camber.ravel())
 
 
 def pitch_downwash(aero: Aerodynamics) -> Array:
@@ -40,6 +45,11 @@ def pitch_downwash(aero: Aerodynamics) -> Array:
     """
     angle = np.ones(aero.lattice.strips)
     return incidence_downwash(aero, angle) - incidence_downwash(aero, np.zeros_like(angle))
+
+
+def spin_downwash(aero: Aerodynamics, zero_lift_angle: Array) -> Array:
+    """Downwash (n,) [m/s] per rad/s by which the rotor turns faster; angles (strips,) as for `incidence_downwash`."""
+    return _downwash_of(aero, aero.inflow.per_rotor_speed(aero.collocation), zero_lift_angle)
 
 
 def induced_velocity_at(aero: Aerodynamics, point: Array, circulation: Array) -> Array:

@@ -11,6 +11,7 @@ induces less still. That, too, becomes one state, which stands for the velocity 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,10 +24,11 @@ from flapgym.aerodynamics.biot_savart import ring_influence
 from flapgym.aerodynamics.downwash import flap_downwash, gust_downwash
 from flapgym.aerodynamics.lattice import wake_ages, wake_nodes
 from flapgym.aerodynamics.linearisation import MeanFlow
+from flapgym.aerodynamics.loads import leading_segments
 from flapgym.aerodynamics.model import Aerodynamics, blade_turns
 from flapgym.aerodynamics.response import collective_response
 from flapgym.aerodynamics.rotor import build_aerodynamics, root_moment_load, thrust_load, wake_rows
-from flapgym.aerodynamics.steady import momentum_slope, pitch_downwash
+from flapgym.aerodynamics.steady import momentum_slope, pitch_downwash, spin_downwash
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace
 from flapgym.turbine import Case
@@ -92,26 +94,30 @@ class WakeTransport:
     flaps: tuple[WakeState, ...]
 
 
-def displaced_wake_downwash(aero: Aerodynamics, circulation: ArrayLike) -> Array:
+def displaced_wake_downwash(aero: Aerodynamics, circulation: ArrayLike, *, turned: bool = False) -> Array:
     """Downwash (n, K + 1) [m/s per m] by which each row of wake corners, moved downwind on all blades, acts on a blade.
 
     Parameters
     ----------
     circulation : (strips,) float
         Steady circulation that each strip sheds [m^2/s].
+    turned : bool
+        Whether the rows are left behind by the rotor in place of moved downwind [m/s per rad].
     """
     shed = np.asarray(circulation, dtype=float)
     wake = wake_nodes(aero.lattice, aero.inflow, aero.wake_age)
     # The last bound ring goes first: its rear is the first row of corners and must move with it.
     node = np.concatenate([aero.lattice.node[-2:-1], wake])
     ring = np.arange(len(node) - 1)
-    shift = _SHIFT * aero.inflow.wake_velocity[0] * aero.time_step
+    travel = aero.inflow.rotor_speed if turned else aero.inflow.wake_velocity[0]
+    shift = _SHIFT * travel * aero.time_step
+    move = aero.inflow.per_rotor_speed(node) if turned else np.broadcast_to([1.0, 0.0, 0.0], node.shape)
     downwash = np.zeros((aero.collocation.shape[0], len(node)))
     for parity in (0, 1):  # every other row of corners at once: a ring feels one of its two rows move
         moved = np.where(ring % 2 == parity, ring, ring + 1)
         for side in (-1.0, 1.0):
             corners = node.copy()
-            corners[parity::2, :, 0] += side * shift
+            corners[parity::2] += side * shift * move[parity::2]
             felt = _all_blades(aero, corners) @ shed
             np.add.at(downwash.T, moved, side / (2.0 * shift) * felt.T)
     return downwash[:, 1:]
@@ -176,7 +182,9 @@ def adapting_wake_response(
     signal: ArrayLike,
     downwash: ArrayLike,
     load: ArrayLike,
+    direct: ArrayLike,
     slowing: float,
+    wound: ArrayLike | None = None,
 ) -> Array:
     """Loads (T, ny) in time, from rest, under downwash that follows a signal, in a wake that the loads themselves slow.
 
@@ -193,11 +201,20 @@ def adapting_wake_response(
         On every blade, per unit of the signal [m/s].
     load : (ny, 3 P) float
         As in `collective_response`.
+    direct : (ny,) float
+        Loads per unit of the signal, at once.
     slowing : float
         By how much a unit of the first load slows the air that is being shed [m/s].
+    wound : (n, K + 1) float, optional
+        Downwash of each row of the wake per radian that the rotor leaves it behind, where the signal is the rotor's
+        speed (`displaced_wake_downwash`) [m/s per rad].
     """
     signal, downwash = np.asarray(signal, dtype=float), np.asarray(downwash, dtype=float)
     still = collective_response(aero, signal[:, None], downwash[:, None], load)
+    still = still + signal[:, None] * np.asarray(direct, dtype=float)
+    if wound is not None:
+        behind = wake_displacement(signal, aero.time_step, aero.wake_rows) @ np.asarray(wound, dtype=float).T
+        still = still + collective_response(aero, behind, np.eye(behind.shape[1]), load)
     carried = travelling_displacement(np.ones(len(signal)), aero.time_step, aero.wake_rows)
     moved = carried @ displaced_wake_downwash(aero, circulation).T
     by_step = collective_response(aero, moved, np.eye(moved.shape[1]), load)
@@ -308,6 +325,49 @@ def pitch_transport(
     wake_length, panels
         As for `wake_transport`.
     """
+    return _adapting_state(
+        case, flow, pitch_downwash, lambda aero, load: np.zeros(len(load)), wake_length, panels
+    )
+
+
+def speed_transport(
+    case: Case,
+    flow: MeanFlow,
+    *,
+    wake_length: float = 2.0,
+    panels: int = 3,
+) -> WakeState:
+    """The same as the rotor turns faster, its gain in m/s per rad/s: another thrust, a helix wound more closely.
+
+    The mean circulation moves through the air faster, too, which counts in the thrust as much as what it grows by.
+    """
+
+    def carried_faster(aero: Aerodynamics, load: Array) -> Array:
+        lead = leading_segments(aero.lattice)
+        # Each strip's mean circulation stands on its first panel here: the march has fewer than the mean flow.
+        around = np.tile(flow.shed, aero.lattice.chordwise)
+        force = lead.force(aero.air_density, aero.inflow.per_rotor_speed(lead.midpoint)) @ around
+        return np.asarray(load[:, : force.size] @ force.ravel())
+
+    def struck(aero: Aerodynamics) -> Array:
+        return spin_downwash(aero, flow.loads.zero_lift_angle)
+
+    return _adapting_state(case, flow, struck, carried_faster, wake_length, panels, winds=True)
+
+
+def _adapting_state(
+    case: Case,
+    flow: MeanFlow,
+    downwash: Callable[[Aerodynamics], Array],
+    direct: Callable[[Aerodynamics, Array], Array],
+    wake_length: float,
+    panels: int,
+    winds: bool = False,
+) -> WakeState:
+    """The state for a collective input of some downwash (n,) on a lattice, and of some loads (ny,) at once.
+
+    ``winds`` says that it is the rotor's speed, which winds the wake up.
+    """
     wind, own = flow.aero.inflow.velocity[0], case.discretisation.wake_length
     slow = replace(case.discretisation, induction=float(1.0 - flow.aero.inflow.wake_velocity[0] / wind))
     adapting = march_case(replace(case, discretisation=slow), max(wake_length, own), panels)
@@ -316,14 +376,21 @@ def pitch_transport(
     step, steps = fixed.discretisation.time_step, np.ones(long.wake_rows)
     area = np.pi * case.turbine.rotor.radius**2
     per_thrust = momentum_slope(flow.loads.thrust_coefficient) / (0.5 * long.air_density * wind**2 * area)
-    loads, pitched = (
-        np.concatenate([thrust_load(long), root_moment_load(long, adapting)]),
-        pitch_downwash(long),
+    loads = np.concatenate([thrust_load(long), root_moment_load(long, adapting)])
+    wanted = adapting_wake_response(
+        long,
+        flow.shed,
+        steps,
+        downwash(long),
+        loads,
+        direct(long, loads),
+        slowing=wind * per_thrust,
+        wound=displaced_wake_downwash(long, flow.shed, turned=True) if winds else None,
     )
-    wanted = adapting_wake_response(long, flow.shed, steps, pitched, loads, slowing=wind * per_thrust)
-    struck = np.column_stack([pitch_downwash(short), gust_downwash(short).sum(axis=1)])
-    given, felt = collective_responses(short, steps, struck, root_moment_load(short, fixed)).T
-    return fitted_state(given, wanted[:, 1], step, len(long.force), felt)
+    struck = np.column_stack([downwash(short), gust_downwash(short).sum(axis=1)])
+    moment = root_moment_load(short, fixed)
+    given, felt = collective_responses(short, steps, struck, moment).T
+    return fitted_state(given + direct(short, moment), wanted[:, 1], step, len(long.force), felt)
 
 
 def collective_responses(aero: Aerodynamics, signal: Array, downwash: Array, load: Array) -> Array:

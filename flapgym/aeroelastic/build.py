@@ -10,7 +10,7 @@ import scipy
 import scipy.linalg
 
 from flapgym import __version__
-from flapgym.aerodynamics import Aerodynamics, MeanFlow, pitch_transport, wake_transport
+from flapgym.aerodynamics import Aerodynamics, MeanFlow, pitch_transport, speed_transport, wake_transport
 from flapgym.aerodynamics.rotor import root_moment_shares
 from flapgym.aeroelastic.blade_lattice import (
     blade_lattice,
@@ -120,7 +120,10 @@ def build_model(case: Case, progress: Progress | None = None) -> TurbineModel:
             turbine = without_azimuth(turbine, 3 * parts.lattice.modes + parts.modal_support[1].shape[1] - 1)
         turbine = series(slow_wake(parts), turbine)
         if case.speed_control is not None:
-            turbine = with_speed_loop(turbine, case)
+            moving = case.airloads.slow_wake == "moving" and parts.flow is not None
+            turbine = with_speed_loop(
+                turbine, case, speed_transport(case, parts.flow) if moving and parts.flow else None
+            )
         turbine = delayed(carried_on(turbine, case.rotor_speed * dt)) if late else turbine
     else:
         turbine, periodic = fourier_series(azimuth_steps(unequal, rotor, slow_wake(parts), late))

@@ -21,6 +21,7 @@ from flapgym.model.signals import (
     BLADE_OUTPUTS,
     GENERATOR_TORQUE,
     GRAVITY,
+    INDUCED_WIND,
     blade_inputs,
     turbine_inputs,
     turbine_outputs,
@@ -68,7 +69,7 @@ class Parts:
         """Inputs of the turbine."""
         signals = self.case.signals
         own = turbine_inputs(self.lattice.flaps, self.strips, pitch=signals.pitch, gravity=signals.gravity)
-        return own if self.case.speed_control is None else (*own, GENERATOR_TORQUE)
+        return own if self.case.speed_control is None else (*own, GENERATOR_TORQUE, INDUCED_WIND)
 
     @property
     def further(self) -> tuple[tuple[str, bool], ...]:
@@ -148,6 +149,8 @@ def turbine_equations(parts: Parts) -> Equations:
     )
     exogenous = np.zeros((len(felt), len(parts.inputs)))
     exogenous[:, : felt.shape[1]] = felt
+    if parts.case.speed_control is not None:
+        exogenous[:, [parts.inputs.index(INDUCED_WIND)]] = homogeneous
     if parts.case.signals.pitch:
         held, moved = pitch_motion(parts.case)
         askew = (

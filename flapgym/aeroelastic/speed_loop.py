@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
+from flapgym.aerodynamics.transport import WakeState
 from flapgym.core.arrays import Array
 from flapgym.core.state_space import StateSpace, feedback
-from flapgym.model.signals import GENERATOR_TORQUE, PITCH_KINDS, turbine_outputs
+from flapgym.model.signals import GENERATOR_TORQUE, INDUCED_WIND, PITCH_KINDS, turbine_outputs
 from flapgym.turbine import Case
 
 ROTOR_SPEED = "rotor_speed"
@@ -24,11 +25,12 @@ CONTROLLED = (COLLECTIVE_PITCH, GENERATOR_TORQUE, WIND_ESTIMATE)
 """Outputs that the law tells, not the turbine under it."""
 
 
-def speed_law(case: Case) -> StateSpace:
+def speed_law(case: Case, wake: WakeState | None = None) -> StateSpace:
     """From the rotor's speed to the generator's torque and the blades' collective pitch, all about the operating point.
 
     Inputs ``rotor_speed`` [rad/s]; outputs the torque on the low-speed side [N m], pitch angle, rate and acceleration
-    behind the blades' own actuators [rad, rad/s, rad/s^2]. No output answers at once. Sampled with the input held.
+    behind the blades' own actuators [rad, rad/s, rad/s^2], and the wind at the blades as the wake gives way [m/s],
+    zero without one. No output answers at once. Sampled with the input held.
 
     Raises
     ------
@@ -64,10 +66,15 @@ def speed_law(case: Case) -> StateSpace:
         # Below rated pitch rests, and an integral that nobody reads would never decay.
         rates, driven, told = rates[:1, :1], driven[:1], told[:, :1]
         told[1:] = 0.0
+    told = np.vstack([told, np.zeros((1, len(rates)))])
+    if wake is not None:
+        rates = scipy.linalg.block_diag(rates, -1.0 / wake.time_constant)
+        driven = np.vstack([driven, 1.0 / wake.time_constant])
+        told = np.hstack([told, np.eye(len(told), 1, 1 - len(told)) * wake.gain])
     n, dt = len(rates), case.discretisation.time_step
     held = scipy.linalg.expm(dt * np.block([[rates, driven], [np.zeros((1, n + 1))]]))
-    outputs = (GENERATOR_TORQUE, *(f"pitch_{kind}_0" for kind in PITCH_KINDS))
-    return StateSpace(held[:n, :n], held[:n, n:], told, np.zeros((4, 1)), dt, (ROTOR_SPEED,), outputs)
+    outputs = (GENERATOR_TORQUE, *(f"pitch_{kind}_0" for kind in PITCH_KINDS), INDUCED_WIND)
+    return StateSpace(held[:n, :n], held[:n, n:], told, np.zeros((5, 1)), dt, (ROTOR_SPEED,), outputs)
 
 
 def without_azimuth(turbine: StateSpace, place: int) -> StateSpace:
@@ -78,18 +85,17 @@ def without_azimuth(turbine: StateSpace, place: int) -> StateSpace:
     return replace(turbine, A=turbine.A[np.ix_(keep, keep)], B=turbine.B[keep], C=turbine.C[:, keep])
 
 
-def with_speed_loop(turbine: StateSpace, case: Case) -> StateSpace:
+def with_speed_loop(turbine: StateSpace, case: Case, wake: WakeState | None = None) -> StateSpace:
     """The turbine under its speed law, with the outputs that the case asks for; torque is no input any more.
 
     A pitch of the blades that is given from outside adds to the loop's.
     """
-    closed = feedback(turbine, speed_law(case))
+    closed = feedback(turbine, speed_law(case, wake))
     pitch = closed.outputs.index("pitch_angle_0")
     outputs = (*closed.outputs[:pitch], COLLECTIVE_PITCH, *closed.outputs[pitch + 1 :])
     told = with_estimate(replace(closed, outputs=outputs), case)
-    return told.select(
-        [name for name in told.inputs if name != GENERATOR_TORQUE], turbine_outputs(case.signals.further)
-    )
+    given = [name for name in told.inputs if name not in (GENERATOR_TORQUE, INDUCED_WIND)]
+    return told.select(given, turbine_outputs(case.signals.further))
 
 
 def with_estimate(closed: StateSpace, case: Case) -> StateSpace:

@@ -13,9 +13,10 @@ from flapgym.control.agent_files import (
 )
 from flapgym.control.blade_controller import BladeController
 from flapgym.control.closed_loop import Stability, closed_loop, growth_per_turn, stability, stationary_rms
-from flapgym.control.field_lqg import field_lqg
+from flapgym.control.field_lqg import field_design, field_lqg
 from flapgym.control.individual_pitch import (
     INDIVIDUAL_PITCH,
+    INDIVIDUAL_PITCH_2P,
     IndividualPitch,
     individual_pitch_agent,
     pitch_margin,
@@ -27,6 +28,7 @@ from flapgym.control.pid import PIDGains, multiblade_pid_agent, pid_agent
 from flapgym.control.policy import Policy
 from flapgym.control.preview import LidarLQG
 from flapgym.control.rotor_controller import RotorController
+from flapgym.control.scheduled import ScheduledAgent, scheduled_agent
 
 __all__ = [
     "AGENT_NAMES",
@@ -34,6 +36,7 @@ __all__ = [
     "FIELD_AGENT_NAMES",
     "FIELD_AGENT_SETS",
     "INDIVIDUAL_PITCH",
+    "INDIVIDUAL_PITCH_2P",
     "Agent",
     "BladeController",
     "DesignModel",
@@ -45,11 +48,13 @@ __all__ = [
     "Policy",
     "PredictiveController",
     "RotorController",
+    "ScheduledAgent",
     "Stability",
     "Weights",
     "agent_design",
     "closed_loop",
     "design_model",
+    "field_design",
     "field_lqg",
     "growth_per_turn",
     "individual_pitch_agent",
@@ -61,6 +66,7 @@ __all__ = [
     "pid_agent",
     "pitch_margin",
     "save_agent",
+    "scheduled_agent",
     "stability",
     "stationary_rms",
     "synthesise",

@@ -18,8 +18,15 @@ import numpy as np
 from flapgym.control.agent import Agent, OpenLoop, check_fit, check_flaps
 from flapgym.control.agent_checks import check_numbers, named_errors
 from flapgym.control.blade_controller import BladeController, acceleration_limits
+from flapgym.control.by_rule import RULED, agent_by_rule
 from flapgym.control.channels import BLADE, MULTIBLADE, ROTOR
-from flapgym.control.individual_pitch import CROSSOVER, INDIVIDUAL_PITCH, individual_pitch_agent
+from flapgym.control.individual_pitch import (
+    CROSSOVER,
+    INDIVIDUAL_PITCH,
+    INDIVIDUAL_PITCH_2P,
+    SECOND_CROSSOVER,
+    individual_pitch_agent,
+)
 from flapgym.control.policy import Policy
 from flapgym.control.rotor_controller import RotorController
 from flapgym.core.arrays import Array
@@ -72,9 +79,12 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     """A shipped agent by its name, or one from its .json file, ready for `model`.
 
     A plain name means the agent of the set made for the model, or of the first set where none is; "nrel5mw-rated/lqg"
-    names one of a set whatever the model. "individual_pitch" is made for the model by its rule, and
+    names one of a set whatever the model. Where no set was made for a model with winds by strip, PD, PID and LQGs are
+    made for it by the rule of `flapgym.control.by_rule`. "individual_pitch" is made for the model by its rule, and
     moves the blades' pitch alone; "individual_pitch+lqg" does so beside what moves the flaps. An agent made for another
     model is returned all the same; `made_for` tells.
+
+    "individual_pitch_2p" goes as "individual_pitch" does, and takes off what comes twice a turn, too.
 
     Raises
     ------
@@ -85,14 +95,21 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     if str(name) == OpenLoop.name:
         return OpenLoop()
     pitch, plus, beside = str(name).partition("+")
-    if pitch == INDIVIDUAL_PITCH:
+    if pitch in (INDIVIDUAL_PITCH, INDIVIDUAL_PITCH_2P):
         if plus and (not beside or beside.startswith(INDIVIDUAL_PITCH)):
             raise ValueError(f"agent {one_line(name)}: expected an agent of the flaps behind the +")
         return individual_pitch_agent(
-            str(name), model, CROSSOVER, load_agent(beside, model) if beside else None
+            str(name),
+            model,
+            CROSSOVER,
+            load_agent(beside, model) if beside else None,
+            second=SECOND_CROSSOVER if pitch == INDIVIDUAL_PITCH_2P else 0.0,
         )
     path = _find(name, model)
     content = _read(path)
+    if str(name) in RULED and model.strips and content["model_hash"] != model.hash:
+        # The winds of a site blow at any speed, and no set was made for this one.
+        return agent_by_rule(str(name), model, content["design"])
     try:
         with named_errors(content["name"]):
             agent = _policy(content) if content["kind"] == "policy" else _controller(content, model)
@@ -213,7 +230,7 @@ def _find(name: str | os.PathLike[str], model: TurbineModel) -> Path:
     if path.suffix != ".json":
         raise ValueError(
             f"agent {one_line(name)}: unknown; expected one of {', '.join((*AGENT_NAMES, *FIELD_AGENT_NAMES))}, "
-            f"{INDIVIDUAL_PITCH}, or the path of an agent's .json file"
+            f"{INDIVIDUAL_PITCH}, {INDIVIDUAL_PITCH_2P}, or the path of an agent's .json file"
         )
     return path
 

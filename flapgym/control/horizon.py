@@ -54,16 +54,27 @@ class Horizon:
 def condense(
     design: DesignModel, weights: Weights, preview: int, blocks: tuple[int, ...] = BLOCKS
 ) -> Horizon:
-    """The programme of a design model of one blade, with so many innovations of the wind known in advance."""
+    """The programme of a design model of one blade, with so many innovations of its one wind known in advance.
+
+    Raises
+    ------
+    ValueError
+        If the design model is of three blades, or has several white inputs and innovations are known.
+    """
     if design.channels.count != 1:
         raise ValueError(
             f"horizon: expected the design model of one blade, got one of {design.channels.count} blades"
+        )
+    if preview and design.G.shape[1] != 1:
+        raise ValueError(
+            f"horizon: expected a design model of one white input for a preview, got {design.G.shape[1]}"
         )
     a, b, _ = with_actuator(design)
     gain, cost = regulator_gain(design, weights)
     n, steps, flaps = a.shape[0], sum(blocks), design.channels.flaps
     closed = a - b @ gain
     curvature = weights.acceleration / flaps * np.eye(flaps) + b.T @ cost @ b
+    # Of several white inputs none is known, and this is not used.
     noise_input = np.concatenate([design.G[:, 0], np.zeros(2 * flaps)])
     # f_k = -S^-1 B' sum_j (closed')^(j - k) P G w_j, the feedforward of innovations from k on.
     feedforward, adjoint = np.empty((flaps, preview)), cost @ noise_input

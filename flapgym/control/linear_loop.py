@@ -33,7 +33,7 @@ class LinearLoop:
     growth : Growth or None
         What grows in an unstable one.
     margin : DiskMargin or None
-        At the three measured moments together; for individual pitch control alone, at their tilt and yaw. None for
+        At the three measured moments together; for individual pitch control alone, at their components. None for
         controllers in the blades' own frames, whose loop is periodic: `flapgym.control.periodic` takes minutes.
     """
 

@@ -1,7 +1,8 @@
 """Model predictive control with the flaps' stops as constraints, on each blade; with or without a preview of the wind.
 
-While no stop is in sight it is the LQG of the same weights to rounding. Where one is, an active-set solver finds the
-nearest offsets that keep angle, rate and acceleration within their limits over the horizon (`flapgym.control.horizon`).
+While no stop is in sight it is the LQG of the same weights and design model to rounding. Where one is, an active-set
+solver finds the nearest offsets that keep angle, rate and acceleration within their limits over the horizon
+(`flapgym.control.horizon`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from flapgym.control.agent import Floats, blade_entries, by_blade
 from flapgym.control.blade_controller import OBSERVED, acceleration_limits
 from flapgym.control.channels import BLADE
+from flapgym.control.closed_loop import require_flaps
 from flapgym.control.horizon import BLOCKS, condense, innovations
 from flapgym.control.lqg import (
     FILTER_ORDER,
@@ -26,7 +28,7 @@ from flapgym.control.lqg import (
 )
 from flapgym.core.arrays import BLADES, Array
 from flapgym.core.fields import Count
-from flapgym.core.state_space import StateSpace
+from flapgym.core.state_space import StateSpace, require_time_step
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.wind import von_karman_filter
 
@@ -63,7 +65,7 @@ class PredictiveController:
     name : str
         What tables call it.
     model : TurbineModel
-        Its clamped blade and turbulence are the design model.
+        Its clamped blade and turbulence are the design model, unless another is given.
     weights : Weights
         Of the LQG it is without stops.
     preview : int
@@ -71,6 +73,16 @@ class PredictiveController:
         in m/s; the runner gives them (`flapgym.evaluation.simulate`).
     blocks : tuple of int
         Steps for which each offset is held; their sum is the horizon.
+    design : DesignModel, optional
+        Of one blade behind any disturbance, as `field_design(..., multiblade=False)` has it for a field.
+
+    Raises
+    ------
+    ValueError
+        If the design model is of other than one blade, another number of flaps or another time step than the model, or
+        if it comes with a preview: what that tells is the wind of the model's homogeneous turbulence.
+    ImportError
+        Without the solver.
     """
 
     observe: tuple[str, ...] = OBSERVED
@@ -84,14 +96,25 @@ class PredictiveController:
         weights: Weights,
         preview: int = 0,
         blocks: tuple[int, ...] = BLOCKS,
+        design: DesignModel | None = None,
     ) -> None:
         Count(at_least=0).check(preview, f"agent {name}: preview")
         if not blocks:
             raise ValueError(f"agent {name}: blocks: expected one or more numbers of steps, got none")
         for index, steps in enumerate(blocks):
             Count(at_least=1).check(steps, f"agent {name}: blocks[{index}]")
+        if design is None:
+            design = design_model(model)
+        else:
+            given = f"agent {name}: design"
+            require_flaps(given, design.channels.flaps, model)
+            require_time_step(f"{given}.time_step", design.time_step, model.time_step, "the model's")
+            if preview:
+                raise ValueError(
+                    f"agent {name}: preview: expected 0 with a design model given, of whose disturbance samples of the "
+                    f"homogeneous wind do not tell, got {preview}"
+                )
         self.name, self.model_hash, self.preview = name, model.hash, preview
-        design = design_model(model)
         self.horizon = condense(design, weights, preview, blocks)
         self._solver = _solver(self.horizon.from_offsets)
         self._start = initial_estimate(design, weights)
@@ -104,14 +127,19 @@ class PredictiveController:
     def _step_matrix(self, model: TurbineModel, design: DesignModel, weights: Weights) -> Array:
         """[estimate, measured, coming wind] times it is [next estimate, LQG's actions, rows of the horizon]."""
         h, observer, n, inputs = self.horizon, synthesise(design, weights), self._order, self._inputs
-        wind = von_karman_filter(
-            model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, FILTER_ORDER
-        )
-        output, state = innovations(wind, self.preview)
-        # Innovations from the filter's estimated state, the first of the scaled states, and the wind to come.
         known = np.zeros((self.preview, n + inputs + self.preview))
-        known[:, : wind.order] = state * design.scale[: wind.order]
-        known[:, n + inputs :] = output
+        if self.preview:
+            wind = von_karman_filter(
+                model.wind_speed,
+                model.turbulence_intensity,
+                model.length_scale,
+                model.time_step,
+                FILTER_ORDER,
+            )
+            output, state = innovations(wind, self.preview)
+            # Innovations from the filter's estimated state, the first of the scaled states, and the wind to come.
+            known[:, : wind.order] = state * design.scale[: wind.order]
+            known[:, n + inputs :] = output
         flap = np.zeros((n + inputs - 1, n + inputs + self.preview))
         flap[:n, :n] = np.eye(n)
         flap[n:, n + 1 : n + inputs] = flap_units(design)

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flapgym.control.agent import Agent, Floats
+from flapgym.control.agent_files import load_agent
+from flapgym.model.model_set import ModelSet
 
 SCHEDULED_BY = "wind_speed"
 """What it observes behind all that its agents do: the slow estimate of the mean wind [m/s]."""
@@ -114,3 +116,15 @@ class ScheduledAgent:
                     own[number] = None if after is None else after[row]
         assert actions is not None
         return actions.reshape(*batch, -1), (chosen, own)
+
+
+def scheduled_agent(name: str, models: ModelSet) -> ScheduledAgent:
+    """The agent of a name at every wind speed of a set, each as `load_agent` gives it for that model.
+
+    Raises
+    ------
+    ValueError
+        As `load_agent`, or if the agents do not go together.
+    """
+    agents = tuple(load_agent(name, model) for model in models)
+    return ScheduledAgent(name, models.wind_speeds, agents)

@@ -27,17 +27,20 @@ def blade_azimuths(azimuth: Array | float) -> Array:
     return np.asarray(azimuth)[..., None] + 2.0 * np.pi / BLADES * np.arange(BLADES)
 
 
-def to_blades(components: Array, azimuth: Array | float) -> Array:
-    """Blade signals (..., 3) from components (..., 3) at rotor azimuth (...) [rad]."""
-    angle = blade_azimuths(azimuth)
+def to_blades(components: Array, azimuth: Array | float, harmonic: int = 1) -> Array:
+    """Blade signals (..., 3) from components (..., 3) at rotor azimuth (...) [rad], of a multiple of it."""
+    angle = harmonic * blade_azimuths(azimuth)
     return np.asarray(
         components[..., :1] + components[..., 1:2] * np.cos(angle) + components[..., 2:] * np.sin(angle)
     )
 
 
-def to_components(blades: Array, azimuth: Array | float) -> Array:
-    """Components (..., 3) from blade signals (..., 3) at rotor azimuth (...) [rad]."""
-    angle = blade_azimuths(azimuth)
+def to_components(blades: Array, azimuth: Array | float, harmonic: int = 1) -> Array:
+    """Components (..., 3) from blade signals (..., 3) at rotor azimuth (...) [rad], of a multiple of it.
+
+    Of a multiple that three divides there are none: its cosine is the same on all blades.
+    """
+    angle = harmonic * blade_azimuths(azimuth)
     mean = blades.mean(axis=-1)
     cosine = 2.0 / BLADES * (blades * np.cos(angle)).sum(axis=-1)
     sine = 2.0 / BLADES * (blades * np.sin(angle)).sum(axis=-1)

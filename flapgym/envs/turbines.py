@@ -113,7 +113,8 @@ class Turbines:
         self.observed = places(task, self.model, self.quantities, sensed)
         """Where each name stands in an observation."""
         self._told = columns_told(self.quantities)
-        self._sampled = columns_of(self.quantities, self.quantities.sample)
+        self.sampled = columns_of(self.quantities, self.quantities.sample)
+        """Where each name stands in a plant sample."""
         self.intensity = wind.intensities(count, self.model.turbulence_intensity)
         self._linear_limit = LINEAR_SHARE * self.model.wind_speed
         # Kept, because a plant computes the response to a gust it has met before only once.
@@ -268,23 +269,36 @@ class Turbines:
 
         Turbines whose episode is over are advanced too: what is returned for them has no meaning.
         """
-        values = numbers(actions, self._actions)
-        refuse_not_finite(values, blades=self.quantities.blades, flaps=self.quantities.flaps)
-        loads = self.plant.step(values)
-        elapsed = self.plant.elapsed
-        now = None
-        if self._own.size:
-            now = self._own[np.arange(self.count), np.minimum(elapsed, self.stepping.intervals)]
-        observation = observe(self.scoring, self._as_measured(loads), now)
+        observation, loads = self.advance(actions)
         reward, of_moments, of_angles, of_tower = rewards(self.scoring, loads)
-        info = self.info(loads.last, now)
+        info = self.info(loads.last, self._own_now())
         info["rbm_mean_square"] = loads.rbm_square
         info["reward_rbm"], info["reward_flap_angle"], info["reward_tower"] = of_moments, of_angles, of_tower
         if self.settings.record_samples:
             info["samples"] = {
-                name: loads.samples.take(columns, axis=2) for name, columns in self._sampled.items()
+                name: loads.samples.take(columns, axis=2) for name, columns in self.sampled.items()
             }
-        return observation, reward, ~np.isfinite(reward), elapsed >= self.stepping.intervals, info
+        return observation, reward, ~np.isfinite(reward), self.over, info
+
+    def advance(self, actions: ArrayLike) -> tuple[np.ndarray, Loads]:
+        """The same without reward and info: the observation, and all that the plant tells."""
+        values = numbers(actions, self._actions)
+        refuse_not_finite(values, blades=self.quantities.blades, flaps=self.quantities.flaps)
+        loads = self.plant.step(values)
+        return observe(self.scoring, self._as_measured(loads), self._own_now()), loads
+
+    def _own_now(self) -> Array | None:
+        """The sensors' own numbers now, (n, S); None without any."""
+        if not self._own.size:
+            return None
+        return np.asarray(
+            self._own[np.arange(self.count), np.minimum(self.plant.elapsed, self.stepping.intervals)]
+        )
+
+    @property
+    def over(self) -> BoolArray:
+        """Whether each turbine's episode has reached its end."""
+        return self.plant.elapsed >= self.stepping.intervals
 
     def _as_measured(self, loads: Loads) -> Array:
         """The plant's numbers with the moments as late as the sensors are."""

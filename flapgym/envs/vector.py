@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.core.arrays import Array
+from flapgym.core.arrays import Array, IntArray
 from flapgym.core.wording import number, shown
 from flapgym.envs.actions import UNREADABLE, numbers
 from flapgym.envs.rendering import SHOWN, Screen
@@ -201,6 +201,29 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._observation = observation.copy()  # what was returned is the caller's
         self._show(info)
         return observation, reward, terminated, truncated, _masked(info, self._everyone.copy())
+
+    def advance(self, actions: ArrayLike) -> tuple[NDArray[np.float32], Array]:
+        """`step` for whoever wants observations and plant samples alone: no reward and no info are made.
+
+        With `record_samples=True` and the autoreset mode "Disabled".
+
+        Returns
+        -------
+        observation : (num_envs, n) float32
+        samples : (num_envs, steps_per_action, size) float
+            What `sampled` names, in SI units.
+        """
+        if np.count_nonzero(self._ended):
+            raise ResetNeeded("advance: call reset first, and again once an episode has ended")
+        observation, loads = self._turbines.advance(actions)
+        self._ended = self._turbines.over
+        self._observation = observation.copy()
+        return observation, loads.samples
+
+    @property
+    def sampled(self) -> dict[str, IntArray | int]:
+        """Columns of each quantity of `info["samples"]` among the samples of `advance`."""
+        return self._turbines.sampled
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Pictures (height, width, 3) of all turbines in mode `rgb_array`."""

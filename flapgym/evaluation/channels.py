@@ -17,7 +17,7 @@ from flapgym.evaluation.metrics import (
     root_mean_square,
     summed_damage_load,
 )
-from flapgym.evaluation.record import Record, unit_of
+from flapgym.evaluation.record import OPERATION, Record, unit_of
 
 SLOPES = (3.0, 4.0, 5.0, 8.0, 10.0, 12.0)
 """Of the S-N curve: 3 to 5 as of welded steel, 8 to 12 as of composites."""
@@ -121,7 +121,7 @@ class Split:
 def channel_loads(
     record: Record, slopes: Sequence[float] = SLOPES, steady: Mapping[str, Array] | None = None
 ) -> tuple[ChannelLoads, ...]:
-    """Rms and damage-equivalent loads of the root moments and of every further output of the model.
+    """Rms and damage-equivalent loads of the root moments and of every further output of the model that is a load.
 
     Parameters
     ----------
@@ -139,7 +139,8 @@ def channel_loads(
     """
     check_record(record)
     found = []
-    for channel, series in {"rbm": record.rbm, **record.further}.items():
+    loads = {name: series for name, series in record.further.items() if name not in OPERATION}
+    for channel, series in {"rbm": record.rbm, **loads}.items():
         whole, unit, turbulence = _places_apart(series), unit_of(channel), None
         if steady:
             if channel not in steady:

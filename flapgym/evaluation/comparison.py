@@ -234,16 +234,16 @@ def plan(
     published = environment if environment is not None or blowing else _environment_of(chosen.name)
     if blowing != settings.get("wind", {}):
         settings, published = {**settings, "wind": blowing}, None
-    contestants = _contestants(agents, chosen)
-    for agent in contestants:
+    ready = contestants(agents, chosen)
+    for agent in ready:
         check_pitch(agent, bool(settings.get("pitch")))
-    duration = _duration(duration, contestants, chosen, settings, wind)
-    require_settings(contestants, chosen, duration, settings)
+    duration = _duration(duration, ready, chosen, settings, wind)
+    require_settings(ready, chosen, duration, settings)
     seeds = range(seed, seed + realisations)
     bounds = bounds_for(published, chosen, seeds, duration)
     if slope != FATIGUE_SLOPE:
         bounds.pop("rbm_del", None)
-    return Plan(contestants, chosen, seeds, duration, channels, environment, settings, slope, series, bounds)
+    return Plan(ready, chosen, seeds, duration, channels, environment, settings, slope, series, bounds)
 
 
 def _settings_of(environment: str) -> dict[str, Any]:
@@ -349,7 +349,7 @@ _PARTS = ("name", "observe", "steps_per_action", "model_hash", "predict")
 """What an agent has."""
 
 
-def _contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
+def contestants(agents: Sequence[str | os.PathLike[str] | Agent], model: TurbineModel) -> tuple[Agent, ...]:
     """Agents ready to run, open loop first; two of one name would share a row."""
     if not isinstance(agents, Sequence) or isinstance(agents, str | bytes):
         raise ValueError(

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import rainflow
 from numpy.typing import ArrayLike, NDArray
 
 from flapgym.core.fields import Numbers, Quantity, TupleOf
+from flapgym.evaluation.cycles import rainflow_cycles
 from flapgym.evaluation.record import Record
 
 FATIGUE_SLOPE = 10.0
@@ -150,26 +150,6 @@ def summed_damage_load(
     Quantity("number", above=0.0).check(slope, "summed_damage_load.slope")
     largest = values.max() or 1.0
     return np.asarray(largest * np.mean((values / largest) ** slope, axis=axis) ** (1.0 / slope))
-
-
-def rainflow_cycles(series: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ranges of the cycles of a series and their counts, 1/2 or 1."""
-    points = turning_points(series)
-    if points.size < 3:  # the library counts only what turns back
-        return np.abs(np.diff(points)), np.full(points.size - 1, 0.5)
-    cycles = [(span, count) for span, _, count, _, _ in rainflow.extract_cycles(points)]
-    ranges, counts = np.array(cycles).T
-    return ranges, counts
-
-
-def turning_points(series: NDArray[np.float64]) -> NDArray[np.float64]:
-    """First and last value and the extremes between, in order: all that rainflow counting looks at."""
-    distinct = series[np.concatenate([[True], np.diff(series) != 0.0])]
-    if distinct.size < 3:
-        return distinct
-    direction = np.sign(np.diff(distinct))
-    inner = direction[:-1] != direction[1:]
-    return distinct[np.concatenate([[True], inner, [True]])]
 
 
 def check_record(record: Record) -> None:

@@ -23,6 +23,8 @@ UNITS = {
     r"\w*acceleration_\w+": "m/s^2",
 }
 """Of a channel, by what its name matches."""
+OPERATION = {"rotor_speed": "rad/s", "collective_pitch": "rad", "wind_speed_estimate": "m/s"}
+"""Further outputs of a model with a loop for the rotor's speed that load nothing, with their units."""
 
 _BLADE, _FLAP, _FIXED = (
     ("realisation", "time", "blade"),
@@ -158,4 +160,6 @@ def require_xarray(field: str) -> None:
 
 def unit_of(channel: str) -> str:
     """SI unit of a channel by its name; empty if the name tells none."""
-    return next((unit for pattern, unit in UNITS.items() if re.fullmatch(pattern, channel)), "")
+    return OPERATION.get(channel) or next(
+        (unit for pattern, unit in UNITS.items() if re.fullmatch(pattern, channel)), ""
+    )

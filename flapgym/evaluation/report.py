@@ -6,7 +6,6 @@ Names in JSON and CSV end in their SI unit, `rbm_rms_Nm`; without one they are o
 from __future__ import annotations
 
 import csv
-import html
 import io
 import json
 import os
@@ -29,6 +28,7 @@ from flapgym.evaluation.figure import draw_figure, figure_is_possible
 from flapgym.evaluation.metrics import EQUIVALENT_FREQUENCY
 from flapgym.evaluation.published import METRICS, Bound
 from flapgym.evaluation.published import score as share_of_bound
+from flapgym.evaluation.tables import WIDTH, markdown_table, percent, plain_name, text_table
 
 CHANGES = {
     "rbm_rms_change": "RBM rms",
@@ -48,8 +48,6 @@ _UNITS = {
     "pitch_travel": "rad_per_s",
 }
 """With which the names of a score's numbers end in JSON and CSV."""
-WIDTH = 120
-"""Columns of a terminal, where it does not say how many it has."""
 FEW = 10
 """Below this number of realisations the table calls its intervals indicative."""
 
@@ -73,7 +71,6 @@ SHORT = (
 """Columns of a table for a first look, beside the agent."""
 CHANNEL_KEYS = 3
 """Columns that tell what a row of the channels is of."""
-GAP = "  "
 
 FILES = ("compare.json", "compare.csv", "compare.md", "compare.png")
 
@@ -182,8 +179,7 @@ def as_csv(comparison: Comparison) -> str:
     """One row an agent, the three numbers of a change in columns of their own."""
     rows = []
     for name in comparison.scores:
-        # A spreadsheet would compute what begins like a formula.
-        row: dict[str, Any] = {"agent": f"'{name}" if name.startswith(("=", "+", "-", "@")) else name}
+        row: dict[str, Any] = {"agent": plain_name(name)}
         for field, value in _numbers(comparison, name).items():
             if isinstance(value, dict):
                 row |= {f"{field}_{key}": entry for key, entry in value.items()}
@@ -199,48 +195,22 @@ def as_csv(comparison: Comparison) -> str:
 
 def as_markdown(comparison: Comparison) -> str:
     """The table with its caption and remarks, and that of the channels where they were scored."""
-    lines = [_caption(comparison), "", *_markdown_table(*cells(comparison)), "", *_remarks(comparison)]
+    lines = [_caption(comparison), "", *markdown_table(*cells(comparison)), "", *_remarks(comparison)]
     if comparison.channels:
-        lines += ["", *_channels_caption(comparison), "", *_markdown_table(*_channel_cells(comparison))]
+        lines += ["", *_channels_caption(comparison), "", *markdown_table(*_channel_cells(comparison))]
     return "\n".join(lines) + "\n"
 
 
 def as_text(comparison: Comparison, width: int = WIDTH) -> str:
     """The same for a terminal: lines are broken and tables cut into blocks of columns that fit into its width."""
-    lines = [*textwrap.wrap(_caption(comparison), width), "", *_text_table(*cells(comparison), width), ""]
+    lines = [*textwrap.wrap(_caption(comparison), width), "", *text_table(*cells(comparison), width), ""]
     for remark in _remarks(comparison):
         lines += textwrap.wrap(remark, width)
     if comparison.channels:
         for line in _channels_caption(comparison):
             lines += ["", *textwrap.wrap(line, width)]
-        lines += ["", *_text_table(*_channel_cells(comparison), width, CHANNEL_KEYS)]
+        lines += ["", *text_table(*_channel_cells(comparison), width, CHANNEL_KEYS)]
     return "\n".join(lines)
-
-
-def _markdown_table(header: list[str], rows: list[list[str]]) -> list[str]:
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return lines + [
-        "| " + " | ".join(html.escape(cell).replace("|", "\\|") for cell in row) + " |" for row in rows
-    ]
-
-
-def _text_table(header: list[str], rows: list[list[str]], width: int, keys: int = 1) -> list[str]:
-    """The table in blocks that fit into the width, an empty line between; each begins with the first columns."""
-    table = [header, *rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(header))]
-    blocks, room = [list[int]()], 0
-    for column in range(keys, len(header)):
-        room -= widths[column] + len(GAP)
-        if room < 0:
-            room = width - sum(widths[:keys]) - len(GAP) * keys - widths[column]
-            blocks.append([*range(keys), column])
-        else:
-            blocks[-1].append(column)
-    lines = []
-    for block in blocks[1:]:
-        shown = [GAP.join(row[column].ljust(widths[column]) for column in block).rstrip() for row in table]
-        lines += [shown[0], GAP.join("-" * widths[column] for column in block), *shown[1:], ""]
-    return lines[:-1]
 
 
 def cells(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
@@ -286,10 +256,10 @@ def _load_cells(score: ChannelScore, place: int) -> list[str]:
     at = score.slopes[place]
     return [
         _with_unit(score.rms, score.unit),
-        _percent(score.rms_change),
+        percent(score.rms_change),
         _with_unit(at.equivalent_load, score.unit),
-        _percent(at.change),
-        _percent(at.summed_change),
+        percent(at.change),
+        percent(at.summed_change),
     ]
 
 
@@ -300,7 +270,7 @@ def _with_unit(value: float, unit: str) -> str:
 
 
 def _row(comparison: Comparison, name: str, found: Score, pitches: bool) -> list[str]:
-    changes = [_percent(getattr(found, field)) for field in CHANGES]
+    changes = [percent(getattr(found, field)) for field in CHANGES]
     scores = [_score(comparison, found, metric) for metric in SCORES]
     told = ["" if value is None else f"{value:.2f}" for value in scores]
     cells = [name if found.made_for_this_model else f"{name} *", *changes[:3], *told, *changes[3:]]
@@ -319,14 +289,6 @@ def _stability(loop: LinearLoop) -> str:
         return "stable" if loop.stable else ""
     place = "" if np.isnan(loop.growth.frequency) else f" at {loop.growth.frequency:.2f} Hz"
     return f"grows{place}"
-
-
-def _percent(change: Estimate) -> str:
-    if change.low is None or change.high is None:
-        return f"{100 * change.mean:+.1f}"
-    if change.low == change.high == change.mean == 0.0:
-        return "0"
-    return f"{100 * change.mean:+.1f} [{100 * change.low:+.1f}, {100 * change.high:+.1f}]"
 
 
 def _caption(comparison: Comparison) -> str:

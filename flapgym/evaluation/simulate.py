@@ -18,6 +18,7 @@ from flapgym.core.fields import Count, Numbers, Quantity
 from flapgym.core.wording import shown
 from flapgym.envs import FlapVectorEnv
 from flapgym.envs.settings import Settings
+from flapgym.evaluation import cycles
 from flapgym.evaluation.bank import LinearBank, same_kind
 from flapgym.evaluation.record import Record
 from flapgym.model.turbine_model import TurbineModel
@@ -47,6 +48,7 @@ def simulate_together(
     seeds: Sequence[int],
     duration: float,
     advanced: Advanced = lambda samples: None,
+    lasting: float | None = None,
     **settings: Any,
 ) -> list[Record]:
     """The records of all agents on one realisation per seed, from calm flaps.
@@ -66,6 +68,9 @@ def simulate_together(
         Length of each [s]; a record keeps round(duration / dt) samples.
     advanced : callable
         For a progress bar.
+    lasting : float, optional
+        Length of the episodes in a field [s], by default the `episode_length` of these agents: that of more agents, so
+        that some of them meet the same wind.
     **settings
         Further keywords of the environment, as `sensors`; turbulence is the model's own unless given.
     """
@@ -76,21 +81,24 @@ def simulate_together(
         check_fit(agent, model)
         check_pitch(agent, bool(settings.get("pitch")))
     records: dict[int, Record] = {}
-    for steps, places, lasting in _episodes(agents, model, duration, settings):
+    for steps, places, length in _episodes(agents, model, duration, settings, lasting):
         found = _simulate_group(
-            [agents[place] for place in places], steps, lasting, model, seeds, duration, advanced, settings
+            [agents[place] for place in places], steps, length, model, seeds, duration, advanced, settings
         )
         records |= dict(zip(places, found, strict=True))
     return [records[index] for index in range(len(agents))]
 
 
 def _episodes(
-    agents: Sequence[Agent], model: TurbineModel, duration: float, settings: Mapping[str, Any]
+    agents: Sequence[Agent],
+    model: TurbineModel,
+    duration: float,
+    settings: Mapping[str, Any],
+    lasting: float | None = None,
 ) -> list[tuple[int, list[int], float]]:
     """Which agents share an environment: plant steps an action, their places, and how long its episodes last [s]."""
     intervals = _intervals(agents)
-    alike = _alike(intervals, model.time_step, duration)
-    # A field that lasts longer is another one: all agents take one length, of whole actions of each of them.
+    alike = episode_length(agents, model, duration) if lasting is None else lasting
     return [
         (
             steps,
@@ -106,13 +114,6 @@ def _intervals(agents: Sequence[Agent]) -> list[int]:
     # Flaps at rest are the same at any interval: they go along with whoever holds actions longest.
     others = [agent.steps_per_action for agent in agents if type(agent) is not OpenLoop]
     return [max(others) if others and type(agent) is OpenLoop else agent.steps_per_action for agent in agents]
-
-
-def _alike(intervals: Sequence[int], time_step: float, duration: float) -> float:
-    """Shortest episode [s] that is longer than a duration by an action and holds whole actions of all intervals."""
-    common = math.lcm(*intervals)
-    least = math.ceil(duration / time_step + max(intervals) - 1e-9)
-    return -(-least // common) * common * time_step
 
 
 def _in_field(settings: Mapping[str, Any]) -> bool:
@@ -162,9 +163,21 @@ def require_settings(
         chosen.given_wind(model)
 
 
+def episode_length(agents: Sequence[Agent], model: TurbineModel, duration: float) -> float:
+    """Length of the episodes in which agents go through so much of a field together [s].
+
+    A field that lasts longer is another one: all agents take one length, of whole actions of each of them.
+    """
+    intervals = _intervals(agents)
+    common = math.lcm(*intervals)
+    least = math.ceil(duration / model.time_step + max(intervals) - 1e-9)
+    return -(-least // common) * common * model.time_step
+
+
 def get_ready(model: TurbineModel) -> None:
     """Wait now for code that has to be compiled, which says so in a line of its own, and not under a progress bar."""
     FlapVectorEnv(model=model).close()
+    cycles.get_ready()
 
 
 def coming_wind(model: TurbineModel, seeds: Sequence[int], samples: int, **settings: Any) -> Array:
@@ -258,9 +271,8 @@ def _simulate_group(
     agents = [agents[index] for index in order]
     players = _players(agents, environment.observed, model, seeds, kept, settings)
     observation, first = environment.reset(seed=list(seeds) * len(agents))
-    series = dict[str, Array]()
-    own_samples = (*_SAMPLES, "pitch_angle") if settings.get("pitch") else _SAMPLES
-    further = tuple(name for name in (*model.blade_outputs, *model.fixed_outputs) if name not in _SAMPLES)
+    columns = environment.sampled
+    series = np.empty(0)
     for done in range(0, kept, steps):
         with np.errstate(over="ignore", invalid="ignore"):  # an unstable controller grows without end
             actions = np.zeros(shape, dtype=np.float32)  # who does not pitch leaves it where it is
@@ -273,28 +285,30 @@ def _simulate_group(
                 f"agent {name}: gave an action that is not finite after {done * model.time_step:.2f} s; "
                 "its own state or its layers overflow"
             )
-        observation, _, terminated, truncated, info = environment.step(actions)
+        observation, samples = environment.advance(actions)
+        if not np.isfinite(observation).all():
+            name = agents[int(np.argmin(np.isfinite(observation).all(axis=1))) // len(seeds)].name
+            raise RuntimeError(
+                f"agent {name}: loads are not finite after {(done + steps) * model.time_step:.2f} s"
+            )
+        if not done:
+            # Time first: a step then writes one piece of memory, and not one a turbine far from each other.
+            series = np.empty((kept, *samples.shape[::2]))
         new = min(steps, kept - done)
-        for name in (*own_samples, *further):
-            samples = info["samples"][name].swapaxes(0, 1)
-            if not done:
-                # Time first: a step then writes one piece of memory, and not one a turbine far from each other.
-                series[name] = np.empty((kept, *samples.shape[1:]))
-            series[name][done : done + new] = samples[:new]
-        ended = terminated | truncated
+        series[done : done + new] = samples.swapaxes(0, 1)[:new]
         advanced(environment.num_envs * new)
-        if done + steps < kept and ended.any():
-            name = agents[int(np.argmax(ended)) // len(seeds)].name
-            raise RuntimeError(f"agent {name}: the episode ended after {done + steps} of {kept} samples")
     environment.close()
+    own_samples = (*_SAMPLES, "pitch_angle") if settings.get("pitch") else _SAMPLES
+    further = tuple(name for name in (*model.blade_outputs, *model.fixed_outputs) if name not in _SAMPLES)
     records = list[Record]()
     for place in np.argsort(order):
         rows = slice(place * len(seeds), (place + 1) * len(seeds))
-        own = {
-            name: np.ascontiguousarray(np.swapaxes(values[:, rows], 0, 1)) for name, values in series.items()
-        }
-        more = {name: own.pop(name) for name in further}
-        records.append(Record(**own, azimuth=first["azimuth"][rows], time_step=model.time_step, further=more))
+        mine = np.ascontiguousarray(series[:, rows].swapaxes(0, 1))
+        told = {name: mine.take(columns[name], axis=2) for name in (*own_samples, *further)}
+        more = {name: told.pop(name) for name in further}
+        records.append(
+            Record(**told, azimuth=first["azimuth"][rows], time_step=model.time_step, further=more)
+        )
     return records
 
 

@@ -16,6 +16,8 @@ BLADE_OUTPUTS = ("rbm", "tip_deflection")
 FIXED_OUTPUTS = ("tower_fore_aft", "tower_side_side")
 GRAVITY = "gravity"
 GENERATOR_TORQUE = "generator_torque"
+INDUCED_WIND = "induced_wind"
+"""What a wake that gives way to rotor speed makes of the wind at the blades."""
 PITCH_KINDS = ("angle", "rate", "acceleration")
 
 

@@ -17,12 +17,14 @@ from flapgym.aerodynamics.biot_savart import ring_influence
 from flapgym.aerodynamics.lattice import build_lattice, wake_ages, wake_nodes
 from flapgym.aerodynamics.model import assemble, blade_turns
 from flapgym.aerodynamics.rotor import blade_edges, strip_radius, thrust_load
-from flapgym.aerodynamics.steady import incidence_downwash, momentum_slope, pitch_downwash
+from flapgym.aerodynamics.steady import incidence_downwash, momentum_slope, pitch_downwash, spin_downwash
 from flapgym.aerodynamics.transport import (
     adapting_wake_response,
     collective_responses,
+    displaced_wake_downwash,
     march_case,
     pitch_transport,
+    speed_transport,
     travelling_displacement,
 )
 from flapgym.turbine import load_case
@@ -61,7 +63,9 @@ def linear(short, loads):
     as_load, _, load = loads
     shed = mean[-aero.lattice.strips :]
     step = np.ones(6 * aero.wake_rows)  # renewed once, the wake still settles
-    return adapting_wake_response(as_load, shed, step, pitch_downwash(aero), load, SLOWING)[:, 1:]
+    return adapting_wake_response(
+        as_load, shed, step, pitch_downwash(aero), load, np.zeros(len(load)), SLOWING
+    )[:, 1:]
 
 
 def test_rows_keep_the_velocity_they_were_shed_with():
@@ -149,6 +153,38 @@ def test_steady_answer_is_that_of_helices_slowed_by_their_own_thrust(short, load
     np.testing.assert_allclose(linear[-1], slope, atol=1e-3 * np.abs(slope).max())
 
 
+def test_steady_answer_to_rotor_speed_is_that_of_helices_wound_at_that_speed(short, loads):
+    """Circulations solved anew at two rotor speeds, the wake carried as before."""
+    case, aero, camber, mean = short
+    as_load, _, load = loads
+    step = np.ones(3 * aero.wake_rows)
+    wound = displaced_wake_downwash(aero, mean[-aero.lattice.strips :], turned=True)
+    still = np.zeros(len(load))
+    linear = adapting_wake_response(
+        as_load, mean[-aero.lattice.strips :], step, spin_downwash(aero, camber), load, still, 0.0, wound
+    )[-1, 1:]
+
+    def settled(faster):
+        flow = replace(aero.inflow, rotor_speed=aero.inflow.rotor_speed + faster)
+        lattice = build_lattice(
+            *blade_edges(case, strip_radius(case)), aero.lattice.chordwise, flow, aero.time_step
+        )
+        there = assemble(
+            lattice, flow, air_density=1.0, time_step=aero.time_step, wake_rows=aero.wake_rows, blades=3
+        )
+        return steady_circulation(there, incidence_downwash(there, camber)[:, None])[:, 0]
+
+    slope = (settled(PITCH) - settled(-PITCH)) / (2.0 * PITCH)
+    np.testing.assert_allclose(linear, slope, atol=2e-3 * np.abs(slope).max())
+
+
+def test_a_faster_rotor_meets_less_wind_below_rated(flow):
+    """By momentum alone, and by the helix wound more closely, whose state is the quicker one."""
+    state = speed_transport(CORRECTED, flow)
+    assert state.gain < 0.0
+    assert state.time_constant < pitch_transport(CORRECTED, flow).time_constant
+
+
 @pytest.fixture(scope="module")
 def flow():
     return rigid_rotor(CORRECTED).flow
@@ -170,7 +206,9 @@ def after_step(flow, state):
     slowing = 11.0 * momentum_slope(flow.loads.thrust_coefficient) / pressure
     load = np.concatenate([thrust_load(aero), root_moment_load(aero, long_case)])
     step = np.ones(aero.wake_rows)
-    adapting = adapting_wake_response(aero, flow.shed, step, pitch_downwash(aero), load, slowing)[:, 1]
+    adapting = adapting_wake_response(
+        aero, flow.shed, step, pitch_downwash(aero), load, np.zeros(2), slowing
+    )[:, 1]
     struck = np.column_stack([pitch_downwash(own), gust_downwash(own).sum(axis=1)])
     fixed, gust = collective_responses(own, step, struck, root_moment_load(own, CORRECTED)).T
     lagged = state.state_space(aero.time_step, "pitch").simulate(gust[:, None])[:, 0] - gust

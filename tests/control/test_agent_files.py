@@ -20,7 +20,7 @@ from flapgym.control import (
     save_agent,
 )
 from flapgym.control.agent_checks import BLADE_QUANTITIES
-from flapgym.envs.task import LIDAR, OBSERVABLES, PITCH, TURBINE_ONLY
+from flapgym.envs.task import LIDAR, OBSERVABLES, PITCH, SPEED, TURBINE_ONLY
 from flapgym.evaluation import compare
 from flapgym.model import save_model
 from flapgym.model.turbine_model import load_model
@@ -281,7 +281,7 @@ def test_a_controller_that_grows_without_end_costs_one_line(saved, monkeypatch, 
 
 
 def test_the_quantities_of_a_policy_are_those_of_which_each_blade_has_one():
-    assert set(BLADE_QUANTITIES) == set(OBSERVABLES) - TURBINE_ONLY - PITCH - LIDAR - {"wind"}
+    assert set(BLADE_QUANTITIES) == set(OBSERVABLES) - TURBINE_ONLY - PITCH - LIDAR - SPEED - {"wind"}
 
 
 def test_every_shipped_agent_passes_the_door():

@@ -1,17 +1,30 @@
 """Predictive control: the LQG where no stop is in sight, an independent optimum where one is; preview as knowledge."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.optimize import lsq_linear, minimize
 
-from flapgym.control import PredictiveController, Weights, design_model, lqg_agent, stability
+from flapgym.control import (
+    PredictiveController,
+    Weights,
+    agent_design,
+    design_model,
+    field_design,
+    load_agent,
+    lqg_agent,
+    stability,
+)
 from flapgym.control.horizon import condense, innovations
 from flapgym.control.lqg import regulator_gain, with_actuator
+from flapgym.core.state_space import StateSpace
 from flapgym.evaluation import measure, simulate
 from flapgym.evaluation.simulate import coming_wind
-from flapgym.wind import von_karman_filter
+from flapgym.model import load_model
+from flapgym.wind import Inflow, Kaimal, von_karman_filter
 from tests.synthetic import synthetic_model
 
 MODEL = synthetic_model()
@@ -20,6 +33,10 @@ GENTLE = Weights(0.05)
 FIERCE = Weights(30.0, 1.0, 1.0, 0.05)
 QUICK = Weights(30.0, 1.0, 0.01, 0.05)
 """Acceleration weighs so little that offsets of a blade's flaps cost unequally, and together other than alone."""
+BRISK = Weights(100.0, 1.0, 36.0, 2.0)
+"""An observer that leans on the filter's peaks, with a load it can lower at once."""
+FIELD, INFLOW = Kaimal(turbulence_class="B"), Inflow(shear_exponent=0.2, tower_shadow=True)
+"""Those of `NREL5MWSite-v0`, for which `lqg_field` is made."""
 STEPS = 25
 ONES = (1,) * STEPS
 
@@ -32,6 +49,7 @@ def _by_hand(design, weights, z, w):
     a, b, c = with_actuator(design)
     _, terminal = regulator_gain(design, weights)
     n, flaps = a.shape[0], design.channels.flaps
+    # Of several white inputs none is known: what the state says of them is all.
     drive = np.concatenate([design.G[:, 0], np.zeros(2 * flaps)])
     root = np.linalg.cholesky(terminal + 1e-12 * np.trace(terminal) * np.eye(n)).T
     free, forced = z.copy(), np.zeros((n, STEPS * flaps))
@@ -75,19 +93,40 @@ def _first_action(horizon, z, w):
     return action, np.abs(d).max()
 
 
-def _case(preview, flaps, weights, size, monkeypatch):
+def _turning_wind(model):
+    """Turbulence and a peak once a turn, each driven by a white input of its own, as a turning blade meets a field."""
+    slow = von_karman_filter(
+        model.wind_speed, model.turbulence_intensity, model.length_scale, model.time_step, 3
+    )
+    turn = model.rotor_speed * model.time_step
+    peak = 0.9995 * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    return StateSpace(
+        A=block_diag(slow.A, peak),
+        B=block_diag(slow.B, 0.02 * np.eye(2)),
+        C=np.hstack([slow.C, [[1.0, 0.0]]]),
+        D=np.hstack([slow.D, np.zeros((1, 2))]),
+        time_step=model.time_step,
+        inputs=("slow", "cosine", "sine"),
+        outputs=("wind",),
+    )
+
+
+def _case(preview, flaps, weights, size, monkeypatch, turning=False):
     """A programme with every step's stops and offsets, and a state and coming wind to solve it for."""
     monkeypatch.setattr("flapgym.control.horizon.CONSTRAINED", ((STEPS, 1),))
-    design = design_model(synthetic_model(flaps=flaps))
+    model = synthetic_model(flaps=flaps)
+    design = design_model(model, disturbance=_turning_wind(model) if turning else None)
     rng = np.random.default_rng(3)
     z = size * np.concatenate([rng.standard_normal(design.A.shape[0]), [0.2] * flaps, [0.15] * flaps])
     return condense(design, weights, preview, ONES), z, size * rng.standard_normal(preview), design
 
 
 @pytest.mark.parametrize(("flaps", "weights"), [(1, FIERCE), (3, FIERCE), (3, QUICK)])
-@pytest.mark.parametrize("preview", [0, 10])
-def test_free_of_stops_the_optimum_written_out_is_the_regulators(preview, flaps, weights, monkeypatch):
-    horizon, z, w, design = _case(preview, flaps, weights, 0.02, monkeypatch)
+@pytest.mark.parametrize(("preview", "turning"), [(0, False), (10, False), (0, True)])
+def test_free_of_stops_the_optimum_written_out_is_the_regulators(
+    preview, turning, flaps, weights, monkeypatch
+):
+    horizon, z, w, design = _case(preview, flaps, weights, 0.02, monkeypatch, turning)
     rows, rights, _, _ = _by_hand(design, weights, z, w)
     action, offset = _first_action(horizon, z, w)
     assert offset == 0.0
@@ -95,11 +134,13 @@ def test_free_of_stops_the_optimum_written_out_is_the_regulators(preview, flaps,
 
 
 @pytest.mark.parametrize(("flaps", "weights"), [(1, FIERCE), (3, FIERCE), (3, QUICK)])
-@pytest.mark.parametrize("preview", [0, 10])
-def test_at_the_stops_the_condensed_optimum_is_the_one_written_out(preview, flaps, weights, monkeypatch):
+@pytest.mark.parametrize(("preview", "turning"), [(0, False), (10, False), (0, True)])
+def test_at_the_stops_the_condensed_optimum_is_the_one_written_out(
+    preview, turning, flaps, weights, monkeypatch
+):
     # Where the first accelerations of some flaps are free, their shares of what others cannot do show.
     size = 1.5 if weights is FIERCE else 0.3
-    horizon, z, w, design = _case(preview, flaps, weights, size, monkeypatch)
+    horizon, z, w, design = _case(preview, flaps, weights, size, monkeypatch, turning)
     rows, rights, limits, bounds = _by_hand(design, weights, z, w)
     solved = minimize(
         lambda u: 0.5 * np.sum((rows @ u - rights) ** 2),
@@ -127,14 +168,19 @@ def test_without_a_stop_in_sight_it_is_the_lqg_for_any_horizon_and_blocks():
         np.testing.assert_allclose(mpc.flap_angle, lqg.flap_angle, atol=1e-6 * np.abs(lqg.flap_angle).max())
 
 
-def _march(agent, loads):
+def _march(agent, loads, model=MODEL):
     """Flap motion under random loads without any stop in the actuator, in fractions of the limits."""
-    dt, angle, rate, state, motion = MODEL.time_step, np.zeros(3), np.zeros(3), None, []
+    limits = {
+        kind: np.tile([getattr(flap, f"{kind}_limit") for flap in model.flaps], 3)
+        for kind in ("angle", "rate", "acceleration")
+    }
+    dt, state, motion = model.time_step, None, []
+    angle, rate = np.zeros((2, 3 * len(model.flaps)))
     for load in loads:
         action, state = agent.predict(np.concatenate([load, angle, rate]), state)
-        acceleration = action.astype(float) * STOPS.acceleration_limit
+        acceleration = action.astype(float) * limits["acceleration"]
         angle, rate = angle + dt * rate + 0.5 * dt**2 * acceleration, rate + dt * acceleration
-        motion.append(np.concatenate([angle / STOPS.angle_limit, rate / STOPS.rate_limit]))
+        motion.append(np.concatenate([angle / limits["angle"], rate / limits["rate"]]))
     return np.array(motion)
 
 
@@ -146,6 +192,37 @@ def test_it_never_asks_the_flap_beyond_its_stops():
     assert np.abs(motion).max() <= 1.0 + 1e-5
     assert np.abs(motion[:, :3]).max() > 0.999
     assert np.abs(_march(lqg_agent("lqg", MODEL, FIERCE), slow)).max() > 1.5
+
+
+@pytest.fixture(scope="module", params=["nrel5mw-site", "nrel5mw-three-flaps"])
+def at_a_site(request):
+    """A model of one or of three flaps a blade, and the design model of one blade in the field and the shear."""
+    model = load_model(request.param)
+    return model, field_design(model, FIELD, INFLOW, multiblade=False)
+
+
+def test_with_a_fields_design_and_no_stop_in_sight_it_is_the_shipped_lqg_of_the_field(at_a_site):
+    """Actions pass as float32, which is what the tolerance is for. Weak wind keeps every stop out of sight."""
+    model, design = at_a_site
+    kept = agent_design("lqg_field", model)
+    weights = Weights(*(kept[key] for key in ("rbm", "flap_angle", "acceleration", "measurement_noise")))
+    agents = PredictiveController("mpc", model, weights, design=design), load_agent("lqg_field", model)
+    calm = {"field": {"kind": "von_karman", "turbulence_intensity": 0.02}}
+    ours, theirs = (simulate(agent, model, range(2), 10.0, wind=calm).flap_angle for agent in agents)
+    assert 0.1 < np.abs(theirs).max() / model.flaps[0].angle_limit < 0.5
+    np.testing.assert_allclose(ours, theirs, atol=1e-5 * np.abs(theirs).max())
+
+
+def test_with_a_fields_design_it_never_asks_a_flap_beyond_its_stops(at_a_site):
+    """Nothing holds these flaps but the plan: the LQG of the same weights leaves its stops."""
+    model, design = at_a_site
+    rng = np.random.default_rng(0)
+    slow = model.rbm_rms / 1e6 * np.cumsum(rng.standard_normal((1200, 3)), axis=0) * 0.1
+    motion = _march(PredictiveController("mpc", model, BRISK, design=design), slow, model)
+    angles = motion.shape[1] // 2
+    assert np.abs(motion).max() <= 1.0 + 1e-5
+    assert np.abs(motion[:, :angles]).max() > 0.999
+    assert np.abs(_march(lqg_agent("lqg", model, BRISK, design), slow, model)).max() > 1.2
 
 
 def test_a_flap_no_plan_can_keep_within_its_stops_is_braked():
@@ -234,6 +311,22 @@ def test_bad_input_is_refused_by_name():
         PredictiveController("mpc", MODEL, FIERCE, preview=5).predict(np.zeros(9))
     with pytest.raises(ValueError, match="design model of one blade"):
         condense(design_model(MODEL, MODEL.turbine), FIERCE, 0)
+    with pytest.raises(ValueError, match="one white input for a preview, got 3"):
+        condense(design_model(MODEL, disturbance=_turning_wind(MODEL)), FIERCE, 5)
+
+
+def test_a_design_model_that_does_not_suit_is_refused_by_name():
+    def made(design, preview=0):
+        return PredictiveController("mpc", MODEL, FIERCE, preview, design=design)
+
+    with pytest.raises(ValueError, match="agent mpc: preview: expected 0 with a design model given.*got 5$"):
+        made(design_model(MODEL, disturbance=_turning_wind(MODEL)), 5)
+    with pytest.raises(ValueError, match="agent mpc: design: expected 1 flap a blade.*got 3"):
+        made(design_model(synthetic_model(flaps=3)))
+    with pytest.raises(ValueError, match="agent mpc: design.time_step: expected 0.007"):
+        made(replace(design_model(MODEL), time_step=0.01))
+    with pytest.raises(ValueError, match="design model of one blade, got one of 3 blades"):
+        made(design_model(MODEL, MODEL.turbine))
 
 
 def test_without_its_solver_the_extra_is_named(monkeypatch):

@@ -34,6 +34,22 @@ def test_blades_and_components_are_each_others_inverse(azimuth, values):
     np.testing.assert_allclose(to_blades(to_components(blades, azimuth), azimuth), blades, atol=1e-9)
 
 
+@given(azimuths, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+def test_twice_a_turn_is_the_cyclic_pattern_that_whirls_backward(azimuth, cosine, sine):
+    """M_2c + i M_2s = exp(3 i psi) (M_c - i M_s), of blades written out one by one."""
+    blades = np.array(
+        [
+            cosine * np.cos(2.0 * angle) + sine * np.sin(2.0 * angle)
+            for angle in (azimuth, azimuth + 2.0 * np.pi / 3.0, azimuth + 4.0 * np.pi / 3.0)
+        ]
+    )
+    np.testing.assert_allclose(to_blades(np.array([0.0, cosine, sine]), azimuth, 2), blades, atol=1e-9)
+    np.testing.assert_allclose(to_components(blades, azimuth, 2), [0.0, cosine, sine], atol=1e-9)
+    _, once_c, once_s = to_components(blades, azimuth)
+    turned = np.exp(3j * azimuth) * (once_c - 1j * once_s)
+    np.testing.assert_allclose([turned.real, turned.imag], [cosine, sine], atol=1e-9)
+
+
 def test_turbine_equations_equal_three_blades_and_a_hub_written_out_at_any_azimuth():
     modes, support_modes = 2, 4
     size, nd = modes + 6, 3 * modes + support_modes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
 from flapgym.envs import FlapEnv, FlapVectorEnv
@@ -220,3 +221,25 @@ def test_generators_can_be_set_as_in_other_vector_environments():
     np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
     with pytest.raises(ValueError, match="^np_random: expected 2 numpy generators"):
         env.np_random = (np.random.default_rng(3),)
+
+
+def test_advancing_without_reward_gives_the_observations_and_samples_of_step():
+    stepped, advanced = (
+        FlapVectorEnv(
+            num_envs=3, model=synthetic_model(), duration=1.0, record_samples=True, autoreset_mode="Disabled"
+        )
+        for _ in range(2)
+    )
+    rng = np.random.default_rng(0)
+    np.testing.assert_array_equal(stepped.reset(seed=4)[0], advanced.reset(seed=4)[0])
+    ended = False
+    while not ended:
+        actions = rng.uniform(-1.0, 1.0, (3, 3)).astype(np.float32)
+        observation, _, _, truncated, info = stepped.step(actions)
+        seen, samples = advanced.advance(actions)
+        np.testing.assert_array_equal(seen, observation)
+        for name, columns in advanced.sampled.items():
+            np.testing.assert_array_equal(samples.take(columns, axis=2), info["samples"][name])
+        ended = bool(truncated.all())
+    with pytest.raises(ResetNeeded, match="advance: call reset"):
+        advanced.advance(np.zeros((3, 3)))

@@ -21,7 +21,7 @@ from flapgym.evaluation import (
 from flapgym.evaluation.channels import ChannelLoads, score_channel
 from flapgym.evaluation.record import unit_of
 from flapgym.model import load_model
-from flapgym.turbine.case import BLADE_LOADS, TOWER_LOADS
+from flapgym.turbine.case import BLADE_LOADS, SPEED_SIGNALS, TOWER_LOADS
 from tests.synthetic import FURTHER, synthetic_model
 
 TIME_STEP = 0.01
@@ -35,6 +35,13 @@ def _record(rbm, **further):
     blades = np.asarray(rbm)[None, :, None] * np.array([1.0, 2.0, 3.0])
     still, fixed = np.zeros(blades.shape), np.zeros(blades.shape[:2])
     return Record(blades, still, still, still, fixed, fixed, fixed, np.zeros(1), TIME_STEP, further=further)
+
+
+def test_what_a_speed_loop_tells_has_units_and_of_it_the_torque_alone_is_a_load():
+    assert [unit_of(name) for name in SPEED_SIGNALS] == ["rad/s", "rad", "N m", "m/s"]
+    signals = {name: np.ones((1, 50)) for name in SPEED_SIGNALS}
+    found = channel_loads(_record(np.zeros(50), **signals), SLOPES)
+    assert [each.channel for each in found] == ["rbm", "generator_torque"]
 
 
 @pytest.mark.parametrize("frequency", [0.2, 1.0, 4.0])

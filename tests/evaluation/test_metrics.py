@@ -7,13 +7,12 @@ import pytest
 import rainflow
 
 from flapgym.evaluation.bootstrap import paired_change, summed_damage_change
+from flapgym.evaluation.cycles import count_cycles, rainflow_cycles
 from flapgym.evaluation.metrics import (
     damage_equivalent_load,
     measure,
-    rainflow_cycles,
     root_mean_square,
     summed_damage_load,
-    turning_points,
 )
 from flapgym.evaluation.record import Record
 
@@ -51,9 +50,28 @@ def test_del_scales_with_the_load_and_ignores_its_mean():
     assert damage_equivalent_load(np.full(100, 3.0), 0.1) == 0.0
 
 
-def test_turning_points_leave_the_cycle_count_unchanged():
-    load = np.repeat(np.random.default_rng(2).integers(-5, 5, 500), 2).astype(float)
-    assert rainflow.count_cycles(turning_points(load)) == rainflow.count_cycles(load)
+@pytest.mark.parametrize("seed", range(6))
+def test_cycles_of_a_series_with_plateaus_are_those_of_an_independent_count(seed):
+    rng = np.random.default_rng(seed)
+    load = np.repeat(rng.integers(-5, 5, 500), rng.integers(1, 4, 500)).astype(float)
+    expected = [(span, count) for span, _, count, _, _ in rainflow.extract_cycles(load)]
+    np.testing.assert_array_equal(np.transpose(rainflow_cycles(load)), expected)
+
+
+def test_cycles_of_rough_loads_are_those_of_an_independent_count_and_compiled_code_changes_none():
+    load = np.cumsum(np.random.default_rng(1).standard_normal(20_000))
+    expected = [(span, count) for span, _, count, _, _ in rainflow.extract_cycles(load)]
+    np.testing.assert_allclose(np.transpose(rainflow_cycles(load)), expected, rtol=1e-13)
+    ranges, counts = np.empty(load.size), np.empty(load.size)
+    found = count_cycles(load, np.empty(load.size), ranges, counts)
+    np.testing.assert_array_equal([ranges[:found], counts[:found]], rainflow_cycles(load))
+
+
+@pytest.mark.parametrize(
+    "load, cycles", [([3.0], []), ([3.0, 3.0], []), ([1.0, 1.0, 2.0, 5.0], [(4.0, 0.5)])]
+)
+def test_what_never_turns_is_half_a_cycle_or_none(load, cycles):
+    assert list(zip(*rainflow_cycles(np.array(load)), strict=True)) == cycles
 
 
 def test_measure_of_a_record_known_by_hand():

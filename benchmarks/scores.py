@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from benchmarks.page import fill, table
-from flapgym.control import AGENT_NAMES, INDIVIDUAL_PITCH, OpenLoop
+from flapgym.control import AGENT_NAMES, FIELD_AGENT_NAMES, INDIVIDUAL_PITCH, INDIVIDUAL_PITCH_2P, OpenLoop
 from flapgym.core.atomic import check_target, write_together
 from flapgym.core.program import Parser, Work, run, whole
 from flapgym.envs.registration import ENVIRONMENTS, Registered
@@ -40,9 +40,12 @@ _MADE = "<!-- Made by `make tables`. -->"
 def agents_for(entry: Registered) -> tuple[str, ...]:
     """The shipped agents that are scored in an environment; where blades pitch, beside individual pitch control."""
     flaps = AGENT_NAMES if entry.agents else (OpenLoop.name,)
+    if entry.keywords.get("wind", {}).get("field"):
+        flaps = (*flaps, *FIELD_AGENT_NAMES)
     if not entry.keywords.get("pitch"):
         return flaps
-    return (INDIVIDUAL_PITCH, *(f"{INDIVIDUAL_PITCH}+{name}" for name in flaps if name != OpenLoop.name))
+    beside = (f"{INDIVIDUAL_PITCH}+{name}" for name in flaps if name != OpenLoop.name)
+    return (INDIVIDUAL_PITCH, INDIVIDUAL_PITCH_2P, *beside, f"{INDIVIDUAL_PITCH_2P}+{FIELD_AGENT_NAMES[-1]}")
 
 
 def page(comparisons: Mapping[str, Comparison]) -> str:

@@ -1,4 +1,4 @@
-"""What the shipped agents reach in every registered environment of the whole turbine: for the environments' pages.
+"""What the shipped agents reach in every registered environment of the whole turbine at one wind speed: for its page.
 
     python -m benchmarks.variants docs
 
@@ -26,7 +26,7 @@ from flapgym.envs.registration import ENVIRONMENTS, Registered
 from flapgym.evaluation.comparison import MOST_REALISATIONS, SCORED_SEED
 from flapgym.evaluation.metrics import measure
 from flapgym.evaluation.simulate import get_ready, simulate
-from flapgym.model import DEFAULT_MODEL, TurbineModel, load_model
+from flapgym.model import DEFAULT_MODEL, TurbineModel, is_model_set, load_model
 
 TURBULENT, GUST = 120.0, 20.0
 """Length of a realisation [s] in turbulence, and of a gust's episode."""
@@ -55,6 +55,12 @@ def scores(entry: Registered, agents: Sequence[str], realisations: int, seconds:
     return result
 
 
+def _scored(entry: Registered) -> bool:
+    """Whether it is a turbine at one wind speed; docs/range.md has the loads over wind speed."""
+    of_set = is_model_set(entry.keywords.get("model", DEFAULT_MODEL))
+    return not (entry.keywords.get("single_blade") or of_set)
+
+
 def _pitching(model: TurbineModel, flaps: Mapping[str, Agent]) -> dict[str, Agent]:
     """Individual pitch control alone, and beside the agents of flaps."""
     return {
@@ -75,7 +81,7 @@ def _door(options: argparse.Namespace) -> Work:
     path = check_target(options.folder / "environments" / "scores.json")
 
     def work() -> int:
-        turbines = [entry for entry in ENVIRONMENTS if not entry.keywords.get("single_blade")]
+        turbines = [entry for entry in ENVIRONMENTS if _scored(entry)]
         found = {}
         get_ready(load_model())
         for entry in ProgressBar(turbines):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from flapgym.core.arrays import BLADES, Array
 from flapgym.envs.actions import numbers
+from flapgym.envs.range_vector import FlapRangeVectorEnv
 from flapgym.envs.vector import FlapVectorEnv
 
 try:
@@ -29,12 +30,12 @@ class FlapVecEnv(VecEnv):
 
     Parameters
     ----------
-    env : FlapVectorEnv or a wrapper of one
+    env : FlapVectorEnv, FlapRangeVectorEnv or a wrapper of one
         Made with `autoreset_mode="SameStep"`.
     per_blade : bool
         False: one environment a turbine. True: three a turbine, one for each blade in the order of the blades, which
         sees its own moment, flap angles and so on, moves its own flaps, and is rewarded by its own moment (the reward's
-        other terms are the turbine's); a policy is then shared by the blades.
+        other terms are the turbine's); a policy is then shared by the blades. Refused over wind speeds.
 
     Notes
     -----
@@ -58,6 +59,11 @@ class FlapVecEnv(VecEnv):
         assert isinstance(space, spaces.Box)
         if per_blade and base.settings.single_blade:
             raise ValueError("per_blade: expected False, each environment is one blade already")
+        if per_blade and isinstance(base, FlapRangeVectorEnv):
+            raise ValueError(
+                "per_blade: expected False with an environment over wind speeds, whose rewards each have a unit of "
+                "their own; take one wind speed"
+            )
         if per_blade and base.settings.pitch:
             raise ValueError(
                 "per_blade: expected False with pitch=True, whose actions are of all flaps first, then of pitch"

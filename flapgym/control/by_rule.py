@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any
 
 from flapgym.control.agent import Agent
-from flapgym.control.field_lqg import field_lqg
+from flapgym.control.field_lqg import field_design
 from flapgym.control.linear_loop import linear_loop
 from flapgym.control.lqg import Weights, design_model, lqg_agent
 from flapgym.control.pd import PDGains, pd_agent
@@ -70,8 +70,8 @@ def _law(name: str, model: TurbineModel, design: Mapping[str, float]) -> Callabl
         return Weights(**{**found, "rbm": share * found["rbm"]})
 
     if name.startswith("lqg_field"):
-        multiblade = name.endswith("multiblade")
-        return lambda share: field_lqg(name, model, FIELD, weights(share), INFLOW, multiblade)
+        on = field_design(model, FIELD, INFLOW, multiblade=name.endswith("multiblade"))
+        return lambda share: lqg_agent(name, model, weights(share), on)
     laws: dict[str, Callable[[float], Agent]] = {
         "pd": lambda share: pd_agent(name, model, gains(PDGains, share)),
         "pid": lambda share: pid_agent(name, model, gains(PIDGains, share)),

@@ -8,10 +8,11 @@ from flapgym.envs.registration import register_environments
 
 if TYPE_CHECKING:
     from flapgym.envs.operating_range import FlapRangeEnv
+    from flapgym.envs.range_vector import FlapRangeVectorEnv
     from flapgym.envs.single import FlapEnv
     from flapgym.envs.vector import FlapVectorEnv
 
-__all__ = ["FlapEnv", "FlapRangeEnv", "FlapVectorEnv", "register_environments"]
+__all__ = ["FlapEnv", "FlapRangeEnv", "FlapRangeVectorEnv", "FlapVectorEnv", "register_environments"]
 
 
 def __getattr__(name: str) -> Any:
@@ -24,6 +25,10 @@ def __getattr__(name: str) -> Any:
         from flapgym.envs.operating_range import FlapRangeEnv
 
         return FlapRangeEnv
+    if name == "FlapRangeVectorEnv":
+        from flapgym.envs.range_vector import FlapRangeVectorEnv
+
+        return FlapRangeVectorEnv
     if name == "FlapVectorEnv":
         from flapgym.envs.vector import FlapVectorEnv
 

@@ -9,28 +9,26 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.error import ResetNeeded
+from gymnasium.utils import seeding
 from numpy.typing import ArrayLike, NDArray
 
-from flapgym.core.fields import Quantity
-from flapgym.core.wording import number, shown
+from flapgym.envs.settings import Settings
 from flapgym.envs.single import FlapEnv
 from flapgym.envs.spec import completed
-from flapgym.envs.states import generator_of, generator_state, read_entry, seed_number, whole_seed
+from flapgym.envs.states import read_entry, whole_seed
 from flapgym.envs.turbines import Info
-from flapgym.model.model_set import ModelSet, load_model_set
+from flapgym.envs.wind_speeds import among, chosen_set, chosen_speed, drawn_speed, speeds_within, widest
+from flapgym.model.model_set import ModelSet
 from flapgym.model.turbine_model import TurbineModel
-
-SEEDS = 2**63
-"""From 0 to which the seeds of episodes are drawn that are given none."""
 
 
 class FlapRangeEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """The turbine of `FlapEnv` at wind speeds of a range, one an episode.
 
-    Rotor speed, torque and collective pitch are those of the model built for the episode's wind, which are linear about
-    its operating point. An agent is not told the wind speed; it may observe `wind_speed`, the slow estimate that rotor
-    speed and pitch give. `info["wind_speed"]` tells it to people.
+    An episode is that of `FlapEnv` with the same seed at the wind speed drawn. Rotor speed, torque and collective pitch
+    are those of the model built for it, which are linear about its operating point. An agent is not told the wind
+    speed; it may observe `wind_speed`, the slow estimate that rotor speed and pitch give. `info["wind_speed"]` tells it
+    to people.
 
     Parameters
     ----------
@@ -58,26 +56,23 @@ class FlapRangeEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         render_mode: str | None = None,
         **keywords: Any,
     ) -> None:
-        self.models = model if isinstance(model, ModelSet) else load_model_set(model)
+        self.models = chosen_set(model)
         self.wind_speeds = speeds_within(self.models, wind_speed)
         self.render_mode = render_mode
         self._keywords = {**keywords, "render_mode": render_mode}
         self._members = dict[float, FlapEnv]()
         self._now = self._member(self.wind_speeds[0])
+        if self.settings.sensors.lidar is not None:
+            # The faster the wind, the sooner what a lidar sees has passed: refused here, and not at some later reset.
+            self._member(self.wind_speeds[-1])
         self.metadata = self._now.metadata
-        self.action_space, self.observation_space = self._now.action_space, self._now.observation_space
-        self._running = False
+        self.action_space = self._now.action_space
+        self.observation_space = widest(self.models, self.wind_speeds, self.settings, self.observed)
 
     def _member(self, wind_speed: float) -> FlapEnv:
         """The environment at a wind speed of the set, made when it is first met."""
         if wind_speed not in self._members:
-            made = FlapEnv(model=self.models.at(wind_speed), **self._keywords)
-            if self._members and made.observation_space != self.observation_space:
-                raise ValueError(
-                    f"model: expected models with the same bounds of what is observed, got others at "
-                    f"{number(wind_speed)} m/s"
-                )
-            self._members[wind_speed] = made
+            self._members[wind_speed] = FlapEnv(model=self.models.at(wind_speed), **self._keywords)
         return self._members[wind_speed]
 
     @property
@@ -86,14 +81,24 @@ class FlapRangeEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._now.model
 
     @property
+    def settings(self) -> Settings:
+        """The settings of the episode."""
+        return self._now.settings
+
+    @property
     def observed(self) -> dict[str, range]:
         """Where each observed quantity stands in an observation."""
         return self._now.observed
 
     @property
+    def actions(self) -> int:
+        """Actions of an episode."""
+        return self._now.actions
+
+    @property
     def spec(self) -> EnvSpec | None:
         """What makes such an environment again, with the number of actions of an episode."""
-        return completed(self._spec, self._now.actions)
+        return completed(self._spec, self.actions)
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
@@ -112,37 +117,22 @@ class FlapRangeEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             Those of `FlapEnv`, and `wind_speed`, one of the set's within the range [m/s].
         """
         given = None if seed is None else whole_seed(seed)
-        further = dict(options) if isinstance(options, Mapping) else options
-        chosen = further.pop("wind_speed", None) if isinstance(further, dict) else None
-        if chosen is not None:
-            chosen = self._among(chosen)
-        # A refused reset must not take the seed: what the member refuses it refuses before it changes.
-        before = self._np_random, self._np_random_seed
-        super().reset(seed=given)
-        drawn = self.wind_speeds[int(self.np_random.integers(len(self.wind_speeds)))]
-        own = int(self.np_random.integers(SEEDS)) if given is None else given
-        member = self._member(drawn if chosen is None else chosen)
-        try:
-            observation, info = member.reset(seed=own, options=further)
-        except ValueError:
-            self._np_random, self._np_random_seed = before
-            raise
-        self._now, self._running = member, True
+        chosen, further = chosen_speed(options, self.wind_speeds)
+        generator = self.np_random if given is None else seeding.np_random(given)[0]
+        member = self._member(drawn_speed(generator, self.wind_speeds) if chosen is None else chosen)
+        if given is None:
+            member.np_random = generator
+        # What it refuses it refuses before it changes, so that nothing has been taken from the generator.
+        observation, info = member.reset(seed=given, options=further)
+        if member is not self._now:
+            self._now.close()  # each has a window of its own
+        self._now, self._np_random = member, member.np_random
+        if given is not None:
+            self._np_random_seed = given
         return observation, info | {"wind_speed": member.model.wind_speed}
-
-    def _among(self, given: object) -> float:
-        asked = float(Quantity("speed").check(given, "options.wind_speed"))
-        for speed in self.wind_speeds:
-            if np.isclose(speed, asked, rtol=1e-9, atol=0.0):
-                return speed
-        raise ValueError(
-            f"options.wind_speed: expected one of {', '.join(map(number, self.wind_speeds))} m/s, got {shown(given)}"
-        )
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, Info]:
         """As `FlapEnv.step`."""
-        if not self._running:
-            raise ResetNeeded("step: no episode is running; call reset first")
         observation, reward, terminated, truncated, info = self._now.step(action)
         info["wind_speed"] = self._now.model.wind_speed
         return observation, reward, terminated, truncated, info
@@ -152,47 +142,29 @@ class FlapRangeEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._now.render()
 
     def close(self) -> None:
-        """Close the windows, if there are any."""
-        for member in self._members.values():
-            member.close()
+        """Close the window, if there is one."""
+        self._now.close()
+
+    def flap_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """As `FlapEnv.flap_motion`."""
+        return self._now.flap_motion()
 
     def get_state(self) -> dict[str, Any]:
         """The whole state as plain values, for pickle or JSON: an environment that takes it goes on bit for bit."""
+        self._now.np_random = self.np_random
         return {
             "wind_speed": self._now.model.wind_speed,
-            "turbine": self._now.get_state(),
-            "generator": generator_state(self.np_random),
-            "seed": self.np_random_seed,
+            "turbine": self._now.get_state() | {"seed": self.np_random_seed},
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go on from a state that an environment of the same set and keywords gave; raises as `FlapEnv.set_state`."""
-        if not isinstance(state, Mapping) or "turbine" not in state:
-            raise ValueError("state: expected what get_state of such an environment returned")
-        speed = read_entry(state, "wind_speed", self._among)
-        generator, seed = read_entry(state, "generator", generator_of), read_entry(state, "seed", seed_number)
+        speed = read_entry(
+            state, "wind_speed", lambda given: among(given, self.wind_speeds, "state.wind_speed")
+        )
         member = self._member(speed)
-        member.set_state(state["turbine"])
-        self._now, self._running = member, True
-        self._np_random, self._np_random_seed = generator, seed
-
-
-def speeds_within(models: ModelSet, wind_speed: object) -> tuple[float, ...]:
-    """Wind speeds of a set within a range [m/s], all for None; raises ValueError if it is no range or holds none."""
-    there = ", ".join(map(number, models.wind_speeds))
-    if wind_speed is None:
-        return models.wind_speeds
-    if not isinstance(wind_speed, tuple | list) or len(wind_speed) != 2:
-        raise ValueError(
-            f"wind_speed: expected two speeds, the lowest and the highest to fly at of {there} m/s, "
-            f"got {shown(wind_speed)}"
-        )
-    low, high = (
-        float(Quantity("speed").check(each, f"wind_speed[{i}]")) for i, each in enumerate(wind_speed)
-    )
-    within = tuple(speed for speed in models.wind_speeds if low <= speed <= high)
-    if not within:
-        raise ValueError(
-            f"wind_speed: expected a range that holds one of {there} m/s, got {number(low)} to {number(high)} m/s"
-        )
-    return within
+        member.set_state(read_entry(state, "turbine", dict))
+        if member is not self._now:
+            self._now.close()
+        self._now = member
+        self._np_random, self._np_random_seed = member.np_random, member.np_random_seed

@@ -24,8 +24,8 @@ class Registered:
         Keywords that differ from the defaults of its class.
     manual : str
         What its page says in place of the manual of its class, which holds for all else.
-    entry_point, vector_entry_point : str or None
-        Of its classes; without one of its own for vectors Gymnasium puts single ones side by side.
+    entry_point, vector_entry_point : str
+        Of its classes.
     agents : str
         The set of shipped agents made for its turbine: a folder of `flapgym/control/agents`; empty if there is none.
     """
@@ -35,7 +35,7 @@ class Registered:
     keywords: Mapping[str, Any] = field(default_factory=dict)
     manual: str = ""
     entry_point: str = "flapgym.envs.single:FlapEnv"
-    vector_entry_point: str | None = "flapgym.envs.vector:FlapVectorEnv"
+    vector_entry_point: str = "flapgym.envs.vector:FlapVectorEnv"
     agents: str = "nrel5mw-corrected"
 
 
@@ -53,6 +53,24 @@ included.
 - **Information**: without `azimuth` and `tower_top`; what is one a blade on the turbine has shape (1,).
 - **Faults**: `actuators.stuck` and `actuators.effectiveness` have three entries here too, of which the first counts.
 - The option `azimuth` of `reset` has no effect."""
+
+RANGE_MANUAL = """\
+Each episode has a mean wind of its own, for which the set of models has one: its rotor speed, torque and collective
+pitch, linear about that operating point. [From cut-in to cut-out](../range.md) tells where each model holds, and what
+wind and loads are there.
+
+- **Keywords**: `model` is the name of a set of models, or a file of `flapgym build --wind-speeds`. `wind_speed=(low,
+  high)` [m/s] bounds what is drawn: the speeds of the set within, each as likely as another; by default all.
+- **Observed**, if `task.observe` has it: `wind_speed`, 1 entry [m/s], bound 100. It is what rotor speed and pitch tell
+  of the mean wind, slowly; an agent is told it in no other way.
+- **Observation space**: bounds of `rbm` are the widest of all models.
+- **Reward**: the moment's constant is that of the episode's model, so that doing nothing earns about as much at each
+  wind speed.
+- **Starting state**: an episode is that of one wind speed with the same seed, `FlapEnv(model="nrel5mw-range",
+  wind_speed=...)`. The option `wind_speed` of `reset` chooses it: a number, or in a vector one for each.
+- **Information**: `wind_speed`, from both [m/s].
+- **Vectors**: `FlapRangeVectorEnv`. Each turbine draws a wind speed at each of its resets; those at one wind speed are
+  stepped together."""
 
 _FAMILIES = (
     Registered("flapgym/NREL5MW", "The turbine of three blades in homogeneous turbulence."),
@@ -162,11 +180,11 @@ _RANGE = Registered(
     "flapgym/NREL5MWRange-v0",
     "The same site from cut-in to cut-out. Each episode has a mean wind of its own, 5, 7, 9 to 25 m/s, or those within "
     "`wind_speed=(low, high)`; torque and collective pitch hold the rotor's speed, which moves about the operating "
-    "point's. `wind_speed` may be observed: a slow estimate from rotor speed and pitch. `make_vec` puts single "
-    "environments side by side.",
+    "point's.",
     {"model": "nrel5mw-range", **_SITE},
+    manual=RANGE_MANUAL,
     entry_point="flapgym.envs.operating_range:FlapRangeEnv",
-    vector_entry_point=None,
+    vector_entry_point="flapgym.envs.range_vector:FlapRangeVectorEnv",
     agents="",
 )
 ENVIRONMENTS = (

@@ -67,7 +67,7 @@ class Screen:
     def __init__(
         self, model: TurbineModel, mode: str, period: float, blowing: Callable[[], EpisodeWind | None]
     ) -> None:
-        self._model, self._mode, self._period = model, mode, period
+        self.model, self._mode, self._period = model, mode, period
         self._blowing = blowing
         self._wind: EpisodeWind | None = None
         self._wind_known = False
@@ -172,22 +172,22 @@ class Screen:
         if "azimuth" in now:
             self._text(f"azimuth {round(np.rad2deg(now['azimuth'])) % 360:5d} deg", (120, 430), 20)
         if "wind_perturbation" in now:
-            self._text(f"wind {self._model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
+            self._text(f"wind {self.model.wind_speed + now['wind_perturbation']:5.2f} m/s", (20, 452), 20)
         for blade, (angles, colour) in enumerate(zip(self._by_blade(now), BLADE_COLOURS, strict=False)):
             self._text(_angles_text(blade + 1, np.rad2deg(angles)), (20 + 92 * blade, 405), 16, colour)
         rbm = np.array([entry["rbm"] for entry in self._history]) * 1e-6
         flap = np.rad2deg([entry["flap_angle"] for entry in self._history])
         wind = np.array([[entry["wind_perturbation"]] for entry in self._history])
-        reach = max(3.0 * self._model.rbm_rms * 1e-6, float(np.abs(rbm).max(initial=0.0)))
+        reach = max(3.0 * self.model.rbm_rms * 1e-6, float(np.abs(rbm).max(initial=0.0)))
         self._trace((345, 30), "root bending moment [MN m]", rbm, reach, BLADE_COLOURS)
-        of_flaps = [colour for colour in BLADE_COLOURS for _ in self._model.flaps]
+        of_flaps = [colour for colour in BLADE_COLOURS for _ in self.model.flaps]
         self._trace((345, 180), "flap angle [deg]", flap, 1.15 * float(limit), of_flaps)
         self._trace(
             (345, 330),
             "wind perturbation [m/s]",
             wind,
             max(
-                3.0 * self._model.turbulence_intensity * self._model.wind_speed,
+                3.0 * self.model.turbulence_intensity * self.model.wind_speed,
                 float(np.abs(wind).max(initial=0.0)),
             ),
             (WIND,),
@@ -254,7 +254,7 @@ class Screen:
 
     def _by_blade(self, now: dict[str, Any]) -> NDArray[np.float64]:
         """Flap angles of an instant, (blades, F) [rad]."""
-        return np.asarray(now["flap_angle"], dtype=np.float64).reshape(-1, len(self._model.flaps))
+        return np.asarray(now["flap_angle"], dtype=np.float64).reshape(-1, len(self.model.flaps))
 
     def _legend(self) -> None:
         limit = np.rad2deg(self._angle_limit)

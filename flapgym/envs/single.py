@@ -81,6 +81,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `wind` | 1 | m/s | 50 | wind perturbation along the shaft; in a field its mean over the disk |
     | `pitch_angle` | 3 | rad | angle stop, 0.0873 | with `pitch=True`: pitch from the operating point's |
     | `pitch_rate` | 3 | rad/s | rate stop, 0.1396 | with `pitch=True`: its rate |
+    | `wind_speed` | 1 | m/s | 100 | with `nrel5mw-range`: the mean wind, as rotor speed and pitch tell it slowly |
     | `lidar` | 3 | m/s | 50 | with `sensors.lidar`: u_0, u_c, u_s of the wind that comes, made of its beams |
     | `lidar_beams` | N | m/s | 50 | with `sensors.lidar`: wind perturbation along each beam |
 
@@ -157,8 +158,8 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | keyword | default | meaning |
     |---|---|---|
-    | `model` | `"nrel5mw-corrected"` | name of a shipped model, or a model file of `flapgym build` |
-    | `wind_speed` | the model's, 11.0 | [m/s]; one the model was not built for is refused |
+    | `model` | `"nrel5mw-corrected"` | name of a shipped model or set of them, or a file of `flapgym build` |
+    | `wind_speed` | the model's, 11.0 | [m/s]; of a set it takes the model; one there is no model for is refused |
     | `wind.turbulence_intensity` | the model's, 0.10 | rms over mean wind; `FlapVectorEnv` takes one each |
     | `wind.length_scale` | the model's, 147.0 | of the von Karman spectrum [m], 1 to 100,000 |
     | `wind.gust` | `None` | a wind beside the turbulence, see below |
@@ -473,7 +474,7 @@ class FlapEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Angle and rate of every flap, (blades F,) each [rad, rad/s]."""
         if self._compiled is not None:
             self._compiled.store()
-        angle, rate = self._turbines.plant.flap_motion()
+        angle, rate = self._turbines.flap_motion()
         return angle[0].copy(), rate[0].copy()
 
     def _load(self) -> None:

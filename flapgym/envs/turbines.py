@@ -330,6 +330,10 @@ class Turbines:
             told["rbm_steady"] = self.steady(told["azimuth"])["rbm"]
         return told
 
+    def flap_motion(self) -> tuple[Array, Array]:
+        """Angle and rate of every flap, (n, blades F) each [rad, rad/s]."""
+        return self.plant.flap_motion()
+
     def steady(self, azimuth: Array) -> dict[str, Array]:
         """What steady inflow and gravity do to the outputs computed, see `Plant.steady`; empty without them."""
         if not self.stepping.surroundings.steady:
@@ -339,9 +343,15 @@ class Turbines:
     def get_state(self) -> dict[str, Any]:
         """The state of all turbines as plain values for JSON."""
         return {
-            "made_by": json.loads(self._made_by),
-            "turbines": self._turbines(),
+            "made_by": self.made_by,
+            "turbines": [self.turbine_state(turbine) for turbine in range(self.count)],
         }
+
+    @property
+    def made_by(self) -> dict[str, Any]:
+        """What two environments must share for a state of one to mean the same to the other, as plain values."""
+        made_by: dict[str, Any] = json.loads(self._made_by)
+        return made_by
 
     def read_state(self, state: Mapping[str, Any], further: Mapping[str, Reader]) -> dict[str, Any]:
         """A state of the same model and settings, checked whole; nothing is changed.
@@ -363,15 +373,8 @@ class Turbines:
         ValueError
             If the state is another environment's or damaged.
         """
-        if not isinstance(state, Mapping) or not isinstance(state.get("made_by"), Mapping):
-            raise ValueError("state: expected what get_state of such an environment returned")
+        check_made_by(state, self.made_by)
         readers = {**further, "turbines": self._read_turbines}
-        made_by = state["made_by"]
-        for name, own in json.loads(self._made_by).items():
-            if made_by.get(name) != own:
-                raise ValueError(
-                    f"state: made by an environment with {name} {shown(made_by.get(name))}, this one has {shown(own)}"
-                )
         return {name: read_entry(state, name, reader) for name, reader in readers.items()}
 
     def go_on(self, episodes: Sequence[Episode | None]) -> list[tuple[Info | None, int]]:
@@ -383,34 +386,34 @@ class Turbines:
             Of each turbine what a picture can show before the next step, flap angles and azimuth, and the actions since
             its reset.
         """
-        instants: list[tuple[Info | None, int]] = [(None, 0)] * self.count
-        for turbine, episode in enumerate(episodes):
-            self._origins[turbine] = None if episode is None else episode.origin
-            if episode is None:
-                continue
-            # The realisation is drawn again; what became of the turbine in it is taken from the state.
-            loads = self._reset(np.array([turbine]), [episode.generator], [episode.origin])
-            self.plant.set_state(turbine, episode.plant)
-            if self._delay:
-                self._past[turbine] = episode.plant["past"]
-            elapsed = episode.plant["elapsed"]
-            of_flaps = self.quantities.blades * self.quantities.flaps
-            now: Info = {"flap_angle": episode.plant["flaps"][0][:of_flaps]}
-            if self.quantities.blades == BLADES:
-                start = loads.last[0, self.quantities.last["azimuth"].start]
-                now["azimuth"] = float(start + self.model.rotor_speed * self.action_time * elapsed)
-            instants[turbine] = now, elapsed
-        return instants
+        return [self.resume(turbine, episode) for turbine, episode in enumerate(episodes)]
+
+    def resume(self, turbine: int, episode: Episode | None) -> tuple[Info | None, int]:
+        """The same for one of them."""
+        self._origins[turbine] = None if episode is None else episode.origin
+        if episode is None:
+            return None, 0
+        # The realisation is drawn again; what became of the turbine in it is taken from the state.
+        loads = self._reset(np.array([turbine]), [episode.generator], [episode.origin])
+        self.plant.set_state(turbine, episode.plant)
+        if self._delay:
+            self._past[turbine] = episode.plant["past"]
+        elapsed = episode.plant["elapsed"]
+        of_flaps = self.quantities.blades * self.quantities.flaps
+        now: Info = {"flap_angle": episode.plant["flaps"][0][:of_flaps]}
+        if self.quantities.blades == BLADES:
+            start = loads.last[0, self.quantities.last["azimuth"].start]
+            now["azimuth"] = float(start + self.model.rotor_speed * self.action_time * elapsed)
+        return now, elapsed
 
     def _plant_state(self, turbine: int) -> dict[str, Any]:
         late = {"past": self._past[turbine].tolist()} if self._delay else {}
         return self.plant.get_state(turbine) | late
 
-    def _turbines(self) -> list[dict[str, Any] | None]:
-        return [
-            None if origin is None else {"origin": fresh(origin), "plant": self._plant_state(turbine)}
-            for turbine, origin in enumerate(self._origins)
-        ]
+    def turbine_state(self, turbine: int) -> dict[str, Any] | None:
+        """The state of one turbine as plain values; None where no episode has begun."""
+        origin = self._origins[turbine]
+        return None if origin is None else {"origin": fresh(origin), "plant": self._plant_state(turbine)}
 
     def _read_turbines(self, entries: Sequence[Mapping[str, Any] | None]) -> list[Episode | None]:
         """What every turbine goes on from; None where no episode has begun."""
@@ -419,13 +422,13 @@ class Turbines:
         episodes = list[Episode | None]()
         for turbine, entry in enumerate(entries):
             try:
-                episodes.append(None if entry is None else self._read_episode(entry))
+                episodes.append(None if entry is None else self.read_episode(entry))
             except DAMAGE as error:
                 raise ValueError(f"turbine {turbine}: {reason(error)}") from None
         return episodes
 
-    def _read_episode(self, entry: Mapping[str, Any]) -> Episode:
-        """A turbine's entry; its origin is under the rules of a reset's options."""
+    def read_episode(self, entry: Mapping[str, Any]) -> Episode:
+        """What is in a turbine's state, unless it is damaged; its origin is under the rules of a reset's options."""
         origin = entry["origin"]
         given = {name: origin[name] for name in RESET_OPTIONS if origin[name] is not None}
         (chosen,) = self.chosen(np.zeros(1, dtype=np.int64), given)
@@ -467,7 +470,13 @@ class Turbines:
         ValueError
             If an option is unknown or impossible. Nothing has changed yet: no generator, no turbine.
         """
-        n, blades = self.count, self.quantities.blades
+        return self.chosen_among(self.intensity, turbines, options)
+
+    def chosen_among(
+        self, intensity: Array, turbines: IntArray, options: Mapping[str, Any] | None = None
+    ) -> list[Origin]:
+        """The same for n turbines of which these are but some: the turbulence intensities (n,) say how many."""
+        n, blades = len(intensity), self.quantities.blades
         options = {} if options is None else options
         if not isinstance(options, Mapping):
             raise ValueError(f"options: expected a dict of {', '.join(RESET_OPTIONS)}, got {shown(options)}")
@@ -491,7 +500,6 @@ class Turbines:
             raise ValueError(
                 "options.azimuth: expected none where realisations of a pool depend on it, each begins at its own"
             )
-        intensity = self.intensity
         if "turbulence_intensity" in options and around.field is not None:
             raise ValueError(
                 "options.turbulence_intensity: expected none beside wind.field, which has its own"
@@ -553,6 +561,18 @@ class Turbines:
             gust=self._gust,
         )
         return start, measured
+
+
+def check_made_by(state: object, own: Mapping[str, Any]) -> None:
+    """Refuse what is no state, or that of an environment which differs in something that matters."""
+    if not isinstance(state, Mapping) or not isinstance(state.get("made_by"), Mapping):
+        raise ValueError("state: expected what get_state of such an environment returned")
+    for name, value in own.items():
+        there = state["made_by"].get(name)
+        if there != value:
+            raise ValueError(
+                f"state: made by an environment with {name} {shown(there)}, this one has {shown(value)}"
+            )
 
 
 def with_blade_rms(model: TurbineModel) -> TurbineModel:

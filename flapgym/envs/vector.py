@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -32,6 +32,9 @@ from flapgym.envs.states import (
 )
 from flapgym.envs.turbines import Info, Turbines
 from flapgym.model.turbine_model import TurbineModel
+
+if TYPE_CHECKING:
+    from flapgym.envs.range_turbines import RangeTurbines
 
 Step = tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Info]
 MOST_TURBINES = 1_000_000
@@ -95,13 +98,13 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         # `make_vec` of a specification hands its limit on.
         limit = keywords.pop("max_episode_steps", None)
-        self.settings = Settings.of(keywords, type(self).__name__)
         try:
-            self._turbines = Turbines(self.settings, num_envs)
+            self._turbines = self._made(keywords, num_envs)
         except MemoryError as error:
             raise ValueError(
                 f"num_envs: {num_envs} turbines do not fit into memory ({error}); take fewer"
             ) from None
+        self.settings = self._turbines.settings
         self._turbines.get_ready()
         if limit is not None and limit != self._turbines.stepping.intervals:
             raise ValueError(
@@ -128,6 +131,10 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
         self._started = np.zeros(num_envs, dtype=bool)
         self._observation = np.zeros(self.observation_space.shape or (), dtype=np.float32)
         self._everyone = np.ones(num_envs, dtype=bool)
+
+    def _made(self, keywords: dict[str, Any], count: int) -> Turbines | RangeTurbines:
+        """The turbines."""
+        return Turbines(Settings.of(keywords, type(self).__name__), count)
 
     @property
     def model(self) -> TurbineModel:
@@ -320,7 +327,7 @@ class FlapVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], Any]):
 
     def flap_motion(self) -> tuple[Array, Array]:
         """Angle and rate of every flap, (num_envs, blades F) each [rad, rad/s]."""
-        angle, rate = self._turbines.plant.flap_motion()
+        angle, rate = self._turbines.flap_motion()
         return angle.copy(), rate.copy()
 
     def steady(self, azimuth: Array) -> dict[str, Array]:

@@ -163,12 +163,17 @@ def require_settings(
         chosen.given_wind(model)
 
 
+POLICY_STEPS = 5
+"""Plant steps for which the shipped policies hold an action."""
+
+
 def episode_length(agents: Sequence[Agent], model: TurbineModel, duration: float) -> float:
     """Length of the episodes in which agents go through so much of a field together [s].
 
-    A field that lasts longer is another one: all agents take one length, of whole actions of each of them.
+    A field that lasts longer is another one: all agents take one length, of whole actions of each of them. Those of
+    `POLICY_STEPS` always count, so that linear agents meet the same field whether a policy flies beside them or not.
     """
-    intervals = _intervals(agents)
+    intervals = [POLICY_STEPS, *_intervals(agents)]
     common = math.lcm(*intervals)
     least = math.ceil(duration / model.time_step + max(intervals) - 1e-9)
     return -(-least // common) * common * model.time_step

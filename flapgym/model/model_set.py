@@ -9,7 +9,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cached_property, partial
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -60,7 +60,9 @@ class ModelSet:
         """
         ordered = sorted(models, key=lambda model: model.wind_speed)
         _check_alike([_identity(packed(model)[0]) for model in ordered])
-        return cls(tuple(model.wind_speed for model in ordered), tuple(_given(model) for model in ordered))
+        return cls(
+            tuple(model.wind_speed for model in ordered), tuple(partial(_itself, model) for model in ordered)
+        )
 
     def __len__(self) -> int:
         """Number of models."""
@@ -158,7 +160,7 @@ def load_model_set(name: str | os.PathLike[str]) -> ModelSet:
     except ValueError as error:
         raise ValueError(f"model set {path}: {error}") from None
     speeds = tuple(header["wind_speed"] for header in headers)
-    return ModelSet(speeds, tuple(_stored(source, place, header) for place, header in enumerate(headers)))
+    return ModelSet(speeds, tuple(_Stored(source, place, header) for place, header in enumerate(headers)))
 
 
 def _headers(text: str) -> list[dict[str, Any]]:
@@ -170,22 +172,26 @@ def _headers(text: str) -> list[dict[str, Any]]:
     return headers
 
 
-def _given(model: TurbineModel) -> Callable[[], TurbineModel]:
-    return lambda: model
+class _Stored:
+    """Reads a model of a file once. No function within one: pickle, which takes sets to other processes, refuses it."""
 
+    def __init__(self, path: Path, place: int, header: Mapping[str, Any]) -> None:
+        self._path, self._place, self._header = path, place, header
 
-def _stored(path: Path, place: int, header: Mapping[str, Any]) -> Callable[[], TurbineModel]:
-    """What reads a model of a file once."""
+    def __call__(self) -> TurbineModel:
+        return self._model
 
-    @cache
-    def read() -> TurbineModel:
-        prefix = f"{place}."
-        with safetensors.safe_open(path, framework="numpy") as file:
+    @cached_property
+    def _model(self) -> TurbineModel:
+        prefix = f"{self._place}."
+        with safetensors.safe_open(self._path, framework="numpy") as file:
             names = [key for key in file.keys() if key.startswith(prefix)]  # noqa: SIM118 (not a dict)
             tensors = {name.removeprefix(prefix): file.get_tensor(name) for name in names}
-        return unpacked(dict(header), tensors, path)
+        return unpacked(dict(self._header), tensors, self._path)
 
-    return read
+
+def _itself(model: TurbineModel) -> TurbineModel:
+    return model
 
 
 def _identity(header: Mapping[str, Any]) -> tuple[float, dict[str, Any]]:

@@ -154,7 +154,8 @@ class Synthesis:
         return np.ascontiguousarray(fine.reshape(len(fine), -1)[:, :steps].T)
 
 
-@lru_cache(maxsize=8)
+# An environment over wind speeds goes from one to another of some ten; what it had dropped would take a second again.
+@lru_cache(maxsize=16)
 def _synthesis(response: FieldResponse, period: float) -> Synthesis:
     modal = response.modal
     step, rotor_speed = modal.time_step, response.turn / modal.time_step

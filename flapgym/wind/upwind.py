@@ -112,7 +112,8 @@ class UpwindTurbulence:
         return seen
 
 
-@lru_cache(maxsize=4)
+# As many as what it is made of is kept for (`flapgym.plant.field_response`), so that going round wind speeds is quick.
+@lru_cache(maxsize=16)
 def upwind_turbulence(
     field: Turbulence,
     turbulence: BladeTurbulence,
@@ -194,7 +195,7 @@ def _unmet(
     return np.asarray(np.sqrt(power[:, None] * np.maximum(left, 0.0)))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _transform(count: int, samples: int, first: float, step: float, period: float) -> Any:
     """From waves at multiples of 1 / period from zero on to their sum at even times from `first` on [s].
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import subprocess
 import sys
 import types
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from stable_baselines3.common.vec_env import VecMonitor, VecVideoRecorder
 
 from flapgym.adapters.sb3 import FlapVecEnv
-from flapgym.envs import FlapVectorEnv
+from flapgym.envs import FlapRangeVectorEnv, FlapVectorEnv
+from flapgym.model import ModelSet
 from tests.synthetic import synthetic_model
 
 KEYWORDS = {"duration": 0.7, "task": {"observe": ("rbm", "flap_angle", "flap_rate")}}
@@ -59,6 +61,22 @@ def test_per_blade_environments_are_the_columns_of_the_turbines():
         np.testing.assert_allclose(blade_reward.reshape(2, 3).mean(axis=1), reward, rtol=1e-5)
     assert dones.shape == (6,)
     assert infos[5]["terminal_observation"].shape == (3,)
+
+
+def test_turbines_over_wind_speeds_hand_over_their_last_observation_and_are_not_split_by_blade():
+    models = ModelSet.of([replace(synthetic_model(), wind_speed=speed) for speed in (9.0, 11.0)])
+    vector, twin = (
+        FlapRangeVectorEnv(3, mode, model=models, **KEYWORDS) for mode in ("SameStep", "Disabled")
+    )
+    env = FlapVecEnv(vector)
+    env.seed(4)
+    np.testing.assert_array_equal(env.reset(), twin.reset(seed=4)[0])
+    for _ in range(20):
+        *_, infos = env.step(np.zeros((3, 3), dtype=np.float32))
+        last, *_ = twin.step(np.zeros((3, 3)))
+    np.testing.assert_array_equal([info["terminal_observation"] for info in infos], last)
+    with pytest.raises(ValueError, match="^per_blade: expected False with an environment over wind speeds"):
+        FlapVecEnv(vector, per_blade=True)
 
 
 def test_episode_statistics_work_through_vec_monitor():

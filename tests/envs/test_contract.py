@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import flapgym
-from flapgym.envs.task import LIDAR, OBSERVABLES, PITCH
+from flapgym.envs.task import LIDAR, OBSERVABLES, PITCH, SPEED
 from tests.synthetic import synthetic_model
 
 ID = "flapgym/NREL5MW-v1"
-EVERYTHING = tuple(name for name in OBSERVABLES if name not in PITCH | LIDAR)
+EVERYTHING = tuple(name for name in OBSERVABLES if name not in PITCH | LIDAR | SPEED)
 SIZES = {"azimuth": 2, "tower_top": 2, "wind": 1}
 """Entries of what is not one a blade."""
 

@@ -26,7 +26,6 @@ from flapgym.core.state_space import StateSpace, series
 from flapgym.model import TurbineModel, load_model
 from flapgym.model.nameplate import nameplate
 from flapgym.model.signals import strip_inputs
-from flapgym.plant.surroundings import strip_radii
 from flapgym.turbine import load_case
 from flapgym.wind import Inflow
 from flapgym.wind.blade_field import blade_turbulence
@@ -69,7 +68,9 @@ def field_winds(model: TurbineModel, steps: int) -> Array:
     """A drawn field in multi-blade components by strip (T, 3 R) [m/s]: its waves summed at every step."""
     field = Kaimal(turbulence_class="B", hub_height=nameplate(model.case).hub_height)
     period = PERIOD_STEPS * model.time_step
-    turbulence = blade_turbulence(field, strip_radii(model), model.wind_speed, model.rotor_speed, period)
+    turbulence = blade_turbulence(
+        field, nameplate(model.case).strip_radii, model.wind_speed, model.rotor_speed, period
+    )
     noise = np.random.default_rng(SEED).standard_normal(turbulence.noise_count)
     waves = turbulence.waves(noise) * field.deviation(model.wind_speed)
     summed = np.fft.ifft(waves, PERIOD_STEPS, axis=0, norm="forward").real
@@ -80,9 +81,8 @@ def inflow_winds(model: TurbineModel, steps: int) -> Array:
     """The same of shear and tower, which each blade meets on the disk itself."""
     disk, theta = nameplate(model.case).disk, azimuths(model, steps)
     assert disk is not None  # of a shipped model
-    met = [
-        INFLOW.on_disk(strip_radii(model), each, disk, model.wind_speed) for each in blade_azimuths(theta).T
-    ]
+    radii = nameplate(model.case).strip_radii
+    met = [INFLOW.on_disk(radii, each, disk, model.wind_speed) for each in blade_azimuths(theta).T]
     components = to_components(np.stack(met, axis=-1), theta)
     return components.swapaxes(0, 1).reshape(steps, -1)
 

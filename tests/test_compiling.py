@@ -13,7 +13,7 @@ from flapgym.plant import chosen_backend
 
 numba = pytest.importorskip("numba")
 
-from flapgym.plant.backends.numba import kept, run_kept  # noqa: E402 (needs numba)
+from flapgym.core.kept import kept, run_kept  # noqa: E402 (needs numba)
 
 ROOT = Path(__file__).parents[1]
 MAKE = (

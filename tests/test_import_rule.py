@@ -162,9 +162,10 @@ def test_only_training_and_its_adapter_import_torch_and_stable_baselines():
     assert files_importing("torch", "stable_baselines3", "sb3_contrib") <= {"flapgym/adapters/sb3.py"}
 
 
-def test_only_two_modules_of_the_package_import_numba_and_none_llvmlite():
+def test_only_compiled_code_and_what_keeps_it_import_numba_and_none_llvmlite():
     everywhere = ("flapgym", *PROGRAMS)
     assert files_importing("numba", folders=everywhere) == {
+        "flapgym/core/kept.py",
         "flapgym/envs/compiled.py",
         "flapgym/plant/backends/numba.py",
         "baselines/bounds/modes.py",  # a march of thousands of steps, thousands of times

@@ -150,7 +150,7 @@ class Programme:
 
     def _spline(self, x: Array, flap: Actuator) -> Array:
         """Command, angle and rate (K, 3, B) of coefficients (K, B); those of the time at rest before are zero."""
-        h = self.response.parameters.steps * self.response.parameters.time_step
+        h = self.response.parameters.sizes.steps * self.response.parameters.time_step
         c = flap.limits[1] * np.concatenate([np.zeros((2, x.shape[1])), x])
         first, second, third = c[:-2], c[1:-1], c[2:]
         return np.stack(
@@ -158,7 +158,7 @@ class Programme:
         )
 
     def _spline_pull(self, pull: Array, flap: Actuator) -> Array:
-        h = self.response.parameters.steps * self.response.parameters.time_step
+        h = self.response.parameters.sizes.steps * self.response.parameters.time_step
         command, angle, rate = np.moveaxis(pull, 1, 0)
         c = np.zeros((len(pull) + 2, pull.shape[-1]))
         c[2:] += command / h**2
@@ -211,7 +211,7 @@ def _beyond(shares: Array) -> Array:
 
 def padded(weights: Array, response: Response) -> Array:
     """Weights (T, 3) with zeros behind, as many as whole intervals have samples."""
-    found = np.zeros((response.intervals * response.parameters.steps, weights.shape[1]))
+    found = np.zeros((response.intervals * response.parameters.sizes.steps, weights.shape[1]))
     found[: len(weights)] = weights
     return found
 
@@ -235,11 +235,12 @@ class Plan:
 def plan(programme: Programme, x: Array) -> Plan:
     """What variables stand for, brought within all stops at every sample, in the numbers that actions can have."""
     actuators, p = programme.response.actuators, programme.response.parameters
+    steps = p.sizes.steps
     wanted = programme.motion(x)
     for index, each in enumerate(actuators):
         for blade in range(BLADES):
-            wanted[:, :, blade, index] = within(wanted[:, :, blade, index], each, p.steps * p.time_step)
-        between = free_motion(p.steps, p.time_step, each.law, False).reshape(p.steps + 1, 2, QUANTITIES)
+            wanted[:, :, blade, index] = within(wanted[:, :, blade, index], each, steps * p.time_step)
+        between = free_motion(steps, p.time_step, each.law, False).reshape(steps + 1, 2, QUANTITIES)
         swing = np.einsum("sqm,kmb->kqsb", between, wanted[..., index])
         worst = max(
             np.abs(wanted[:, 0, :, index]).max() / each.limits[0],
@@ -253,7 +254,7 @@ def plan(programme: Programme, x: Array) -> Plan:
 def _rounded(response: Response, wanted: Array) -> Plan:
     """The motion that float32 actions make; a flap, which would drift for ever, is brought back at the next one."""
     p, actuators = response.parameters, response.actuators
-    h, motion = p.steps * p.time_step, np.zeros_like(wanted)
+    h, motion = p.sizes.steps * p.time_step, np.zeros_like(wanted)
     actions = np.zeros((len(wanted), BLADES, len(actuators)), dtype=np.float32)
     for index, each in enumerate(actuators):
         state = np.zeros((2, BLADES))
@@ -265,5 +266,7 @@ def _rounded(response: Response, wanted: Array) -> Plan:
             held = actions[k, :, index].astype(float) * each.limits[0]
             motion[k, :, :, index] = held, *state
             state = each.march @ state + each.drive[:, None] * held
-    flaps = actions[..., : p.flaps].reshape(len(actions), -1)
-    return Plan(np.concatenate([flaps, actions[..., p.flaps :].reshape(len(actions), -1)], axis=1), motion)
+    flaps = actions[..., : p.sizes.flaps].reshape(len(actions), -1)
+    return Plan(
+        np.concatenate([flaps, actions[..., p.sizes.flaps :].reshape(len(actions), -1)], axis=1), motion
+    )

@@ -1,6 +1,6 @@
 """What flaps and pitch of all blades do to the root moments, as a linear map and its adjoint.
 
-The matrices are the plant's own (`flapgym.plant.parameters`), so that the programme's moments are the environment's to
+The matrices are the plant's own (`flapgym.plant.kernel`), so that the programme's moments are the environment's to
 rounding: the whole turning turbine, every mode of it, blades coupled by tower and wake.
 """
 
@@ -16,7 +16,8 @@ from flapgym.core.multiblade import blade_azimuths
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.plant import Stepping
 from flapgym.plant.actuator import Law, free_motion
-from flapgym.plant.parameters import Parameters, laws_of, parameters_of, prepare
+from flapgym.plant.kernel import parameters_of, prepare
+from flapgym.plant.parameters import Parameters
 
 QUANTITIES = 3
 """Of an actuator at an interval's start: command, angle, rate."""
@@ -77,8 +78,8 @@ class Response:
         p, count = self.parameters, self.intervals
         # As the plant has them: quantity, actuator, component.
         given = (np.swapaxes(motion, 2, 3) @ self._components()[:, None]).reshape(count, -1)
-        rows = march(*p.decay, given @ p.push[: p.free]) @ p.read + given @ p.feed[: p.free]
-        return np.asarray((rows.reshape(count, p.steps, BLADES) @ self.transform).reshape(-1, BLADES))
+        rows = march(*p.decay, given @ p.B[: p.sizes.given]) @ p.C + given @ p.D[: p.sizes.given]
+        return np.asarray((rows.reshape(count, p.sizes.steps, BLADES) @ self.transform).reshape(-1, BLADES))
 
     def pull(self, weights: Array) -> Array:
         """The adjoint: what a change of command, angle and rate does (K, 3, B, A) to the sum of weights times moments.
@@ -88,11 +89,11 @@ class Response:
         weights : (K k, 3) float
         """
         p, count = self.parameters, self.intervals
-        rows = weights.reshape(count, p.steps, BLADES) @ np.swapaxes(self.transform, 1, 2)
+        rows = weights.reshape(count, p.sizes.steps, BLADES) @ np.swapaxes(self.transform, 1, 2)
         rows = rows.reshape(count, -1)
         # What a mode at an interval's end does to all that is told later: marched backward, by the conjugate decay.
-        later = march(p.decay[0], -p.decay[1], (rows @ p.read.T)[::-1])[::-1]
-        given = later @ p.push[: p.free].T + rows @ p.feed[: p.free].T
+        later = march(p.decay[0], -p.decay[1], (rows @ p.C.T)[::-1])[::-1]
+        given = later @ p.B[: p.sizes.given].T + rows @ p.D[: p.sizes.given].T
         given = given.reshape(count, QUANTITIES, len(self.actuators), BLADES)
         return np.asarray(np.swapaxes(given @ np.swapaxes(self._components(), 1, 2)[:, None], 2, 3))
 
@@ -121,17 +122,15 @@ def response_of(model: TurbineModel, pitch: bool, azimuth: float, samples: int, 
     )
     parameters = parameters_of(model, stepping, prepare(model, stepping))
     # A flap and the pitch of blade 1, as every blade has them.
-    places = [*range(parameters.flaps), *([parameters.all_flaps] if pitch else [])]
-    actuators = tuple(
-        _actuator(law, parameters, place) for law, place in zip(laws_of(model, stepping), places, strict=True)
-    )
+    places = [*range(parameters.sizes.flaps), *([parameters.all_flaps] if pitch else [])]
+    actuators = tuple(_actuator(parameters, place) for place in places)
     angle = blade_azimuths(azimuth + parameters.turn * hold * np.arange(count, dtype=np.float64))
     transform = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
     return Response(parameters, actuators, transform)
 
 
-def _actuator(law: Law, parameters: Parameters, place: int) -> Actuator:
-    p = parameters
-    end = free_motion(p.steps, p.time_step, law, False)[-2:]
+def _actuator(parameters: Parameters, place: int) -> Actuator:
+    p, law = parameters, Law(*parameters.actuators[4:, place].tolist())
+    end = free_motion(p.sizes.steps, p.time_step, law, False)[-2:]
     limits = np.array([p.acceleration[place], p.angle_limit[place], p.rate_limit[place]])
     return Actuator(law, limits, end[:, 1:], end[:, 0])

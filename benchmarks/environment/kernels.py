@@ -11,10 +11,10 @@ import numpy as np
 from benchmarks.environment.timing import best_of
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, periodic_model
+from flapgym.core.modal import modal_form
 from flapgym.model import TurbineModel, load_model
 from flapgym.model.reduced import reduced_model
 from flapgym.plant import Start, Stepping, make_plant
-from flapgym.plant.modal import modal_form
 from flapgym.turbine import load_case
 from studies.parts import Study
 

@@ -15,7 +15,8 @@ import numpy as np
 from benchmarks.environment.timing import best_of
 from flapgym.model import TurbineModel
 from flapgym.plant import Stepping
-from flapgym.plant.parameters import Parameters, parameters_of, prepare
+from flapgym.plant.kernel import parameters_of, prepare
+from flapgym.plant.parameters import Parameters
 
 LENGTH = 1 << 22
 """Numbers of the arrays whose sum is taken: more than the caches of a core hold."""
@@ -25,7 +26,7 @@ def limits(seconds: float, rounds: int, tell: Callable[[str], None]) -> dict[str
     """Multiply-adds per second in registers and bytes per second from memory, in both precisions."""
     from numba import njit
 
-    from flapgym.plant.backends.numba import OPTIONS
+    from flapgym.core.kept import OPTIONS
 
     @njit(**OPTIONS)
     def multiply_add(x: Any, turns: int) -> Any:
@@ -86,15 +87,15 @@ def _bound(function: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
 def work_per_step(model: TurbineModel, steps_per_action: int) -> float:
     """Multiply-adds of a plant step of one turbine that meets no stop."""
     p = constants(model, steps_per_action)
-    free = p.feed[: p.free].size + p.push[: p.free].size  # the rest is for stops
-    return (p.read.size + free + 2 * p.decay.size) / steps_per_action
+    free = p.D[: p.sizes.given].size + p.B[: p.sizes.given].size  # the rest is for stops
+    return (p.C.size + free + 2 * p.decay.size) / steps_per_action
 
 
 def memory_per_turbine(model: TurbineModel, intervals: int, steps_per_action: int, precision: str) -> int:
     """Bytes of a turbine's modes, flaps and response to the wind."""
     p = constants(model, steps_per_action)
-    rows = p.read.shape[1] + p.kept
-    return np.dtype(precision).itemsize * (p.read.shape[0] + intervals * rows) + 8 * 4 * p.angle_limit.size
+    rows = p.sizes.rows + p.sizes.kept
+    return np.dtype(precision).itemsize * (p.sizes.modes + intervals * rows) + 8 * 4 * p.angle_limit.size
 
 
 def constants(model: TurbineModel, steps_per_action: int) -> Parameters:

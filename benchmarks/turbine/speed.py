@@ -17,9 +17,9 @@ from benchmarks.turbine.accuracy import AZIMUTH, REFRESH, signals, time_invarian
 from flapgym.aeroelastic.equations import periodic_equations
 from flapgym.aeroelastic.periodic import PeriodicModel, step_matrices
 from flapgym.core.arrays import Array
+from flapgym.core.modal import modal_form
 from flapgym.model import TurbineModel, load_model
 from flapgym.plant import Start, Stepping, make_plant
-from flapgym.plant.modal import modal_form
 from reference.full import march_turbine
 from studies.parts import Study, Tell
 

@@ -11,73 +11,44 @@ import math
 
 import numpy as np
 from numba import njit
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy import empty
 
 from flapgym.core.arrays import BLADES, Array, FloatArray
+from flapgym.core.kept import OPTIONS, first_cause, kept, run_kept
 from flapgym.envs.task import Scoring
 from flapgym.plant.backends.numba import (
     EDITION,
-    OPTIONS,
+    MOTION,
+    ONE,
     START,
-    Sizes,
+    TWO,
     actuators,
     add_inputs,
+    choose,
     components,
-    first_cause,
-    heading,
-    kept,
     last_size,
     let_decay,
     move,
-    read_blades,
-    read_fixed,
     read_modes,
-    run_kept,
-    settle,
-    sizes_of,
+    tell,
     work_size,
 )
 from flapgym.plant.linear import LinearPlant
-from flapgym.plant.parameters import State
+from flapgym.plant.parameters import Sizes, State
+
+SIZES = len(Sizes._fields)
 
 
 @njit(**OPTIONS)
-def sizes_in(numbers):  # type: ignore[no-untyped-def]
-    """The sizes at the head of the numbers."""
-    return Sizes(
-        int(numbers[0]),
-        int(numbers[1]),
-        int(numbers[2]),
-        int(numbers[3]),
-        int(numbers[4]),
-        int(numbers[5]),
-        int(numbers[6]),
-        int(numbers[7]),
-        int(numbers[8]),
-        int(numbers[9]),
-        int(numbers[10]),
-        int(numbers[11]),
-        int(numbers[12]),
-        int(numbers[13]),
-        int(numbers[14]),
-        int(numbers[15]),
-        numbers[16],
-        numbers[17],
-        numbers[18],
-        numbers[19],
-        numbers[20],
-    )
-
-
-@njit(**OPTIONS)
-def score(scoring, told, size, blades, angle_square, fixed_square):  # type: ignore[no-untyped-def]
-    """`flapgym.envs.task.rewards` for one turbine, behind the mean squares of its moments in what is told."""
+def score(scoring, squares, blades, angle_square):  # type: ignore[no-untyped-def]
+    """`flapgym.envs.task.rewards` for one turbine, from the mean squares of its moments and of its fixed outputs."""
     total = 0.0
     for b in range(blades):
-        total += told[size + b]
+        total += squares[b]
     of_moments, of_angles, of_tower = -scoring[1] * total / blades, -scoring[2] * angle_square, 0.0
     if scoring[0] >= 0.0:
-        of_tower = -scoring[3] * fixed_square[int(scoring[0])]
+        of_tower = -scoring[3] * squares[blades + int(scoring[0])]
     return of_moments + of_angles + of_tower, of_moments, of_angles, of_tower
 
 
@@ -106,7 +77,7 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         for i in range(action.size):
             if not abs(action[i]) < math.inf:
                 return False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        s = sizes_in(own)
+        s = Sizes(*to_fixed_tuple(own.view(np.int64), SIZES))
         count, each, k, size = actuators(s), BLADES * (s.flaps + s.pitch), s.steps, last_size(s)
         # Where things are, in the order of `CompiledTurbine`.
         above, fed = 1 + s.rows, s.given + 2 * each * k
@@ -115,76 +86,58 @@ def _entry(edition: int):  # type: ignore[no-untyped-def]
         rows_at = modes_at + s.modes
         inputs_at = rows_at + s.rows
         responses_at = inputs_at + fed
-        limits_at = len(s)
-        settling_at = limits_at + 7 * count
-        flaps_at = settling_at + 2 * k
-        work_at = flaps_at + 4 * count
-        squares_at = work_at + work_size(s)
-        told_at = squares_at + s.fixed_outputs
-        scoring_at = told_at + size + s.blades
+        table_at = SIZES + 4
+        heading_at = table_at + 8 * count
+        settling_at = heading_at + 2
+        motion_at = settling_at + 2 * k
+        work_at = motion_at + MOTION * count
+        told_at = work_at + work_size(s)
+        squares_at = told_at + size
+        scoring_at = squares_at + s.blades + s.fixed_outputs
         entries_at = scoring_at + 4
         begun_at = entries_at + 5 * observation.size
         added_at = begun_at + 3
 
-        matrix, feed = (
-            real[:feed_at].reshape((above + fed, s.modes)),
-            real[feed_at:modes_at].reshape((fed, s.rows)),
-        )
-        modes, rows, inputs = real[modes_at:rows_at], real[rows_at:inputs_at], real[inputs_at:responses_at]
-        limits, flaps, work = own[limits_at:settling_at], own[flaps_at:work_at], own[work_at:squares_at]
-        fixed_square, told, scoring = (
-            own[squares_at:told_at],
-            own[told_at:scoring_at],
-            own[scoring_at:entries_at],
-        )
         elapsed, level, azimuth = int(own[begun_at]), own[begun_at + 1], own[begun_at + 2]
+        matrix = real[:feed_at].reshape((above + fed, s.modes))
+        feed = real[feed_at:modes_at].reshape((fed, s.rows))
+        modes, rows, inputs = real[modes_at:rows_at], real[rows_at:inputs_at], real[inputs_at:responses_at]
+        table, motion, work = own[table_at:settling_at], own[motion_at:work_at], own[work_at:told_at]
+        told, squares = own[told_at:squares_at], own[squares_at:scoring_at]
         wind_at = responses_at + min(elapsed, s.intervals - 1) * (s.rows + s.kept)
         wind = real[wind_at : wind_at + s.rows + s.kept]
 
-        angle = azimuth + s.turn * k * elapsed
-        cosine, sine = math.cos(angle), math.sin(angle)
-        components(s, limits, flaps, START, cosine, sine, inputs, s.commanded)
-        components(s, limits, flaps, count, cosine, sine, inputs, s.commanded + each)
+        angle = azimuth + own[SIZES + 1] * elapsed
+        own[heading_at], own[heading_at + 1] = math.cos(angle), math.sin(angle)
+        components(s, ONE, table, motion, START, TWO, inputs, fed, s.commanded)
         if s.lags:
-            components(s, limits, flaps, 2 * count, cosine, sine, inputs, each)
-        square, stopped, jumped = move(s, limits, action, flaps, work)
-        least, most = 0, s.given
-        if stopped:
-            # The command does not tell what follows, the rate gained in every step does.
-            least, most = s.commanded, s.given + k * each * (2 if jumped else 1)
-            for j in range(k * (2 if jumped else 1)):
-                components(s, limits, work, (2 + j) * count, cosine, sine, inputs, s.given + j * each)
-            if s.pitch:
-                settle(s, own[settling_at:flaps_at], inputs)
-        else:
-            components(s, limits, work, START, cosine, sine, inputs, START)
+            components(s, ONE, table, motion, 2 * count, ONE, inputs, fed, each)
+        met, jumped = move(s, ONE, own[SIZES], table, action, motion, work)
+        components(s, ONE, table, work, START, ONE, inputs, fed, START)
+        most = s.given + each * k * (met + jumped)
+        if met:
+            components(s, ONE, table, work, count, k * (met + jumped), inputs, fed, s.given)
+            choose(s, ONE, motion, own[settling_at:motion_at], inputs, fed)
         read_modes(matrix, 1, modes, rows)
-        add_inputs(feed, START, inputs, least, most, rows)
+        add_inputs(feed, START, inputs, most, rows)
         let_decay(matrix[0], modes)
-        add_inputs(matrix, above, inputs, least, most, modes)
-
+        add_inputs(matrix, above, inputs, most, modes)
         for row in range(s.rows):
             rows[row] += wind[row] * level
-        read_blades(
-            s, rows, cosine, sine, told, told[size:], feed
-        )  # no samples are wanted, so any array will do
-        place = s.blade_places * s.blades
-        for i in range(count):
-            told[place + i], told[place + count + i] = flaps[i], flaps[count + i]
-            told[place + 2 * count + i], told[place + 3 * count + i] = flaps[3 * count + i], work[count + i]
-        place += 4 * count
-        read_fixed(s, rows, wind, level, place, told, fixed_square, feed)
-        place += s.fixed_places + 1
-        told[place], told[place + 1], told[place + 2] = heading(s, azimuth, elapsed, cosine, sine)
+        # No samples are wanted, so any array will do.
+        angle, further, beside = angle + own[SIZES + 1], own[SIZES + 2], own[SIZES + 3]
+        angle_square = tell(
+            s, ONE, START, further, beside, angle, table, motion, work, rows, wind, level, told, squares, feed
+        )
         own[begun_at] = elapsed + 1.0
         # Past the end of an episode there is no more of it.
         width = (own.size - added_at) // (s.intervals + 1)
         at = added_at + min(elapsed + 1, s.intervals) * width
         observe(own[entries_at:begun_at], own[at : at + width], told, observation)
         reward, of_moments, of_angles, of_tower = score(
-            scoring, told, size, s.blades, square / (k * s.blades * s.flaps), fixed_square
+            own[scoring_at:entries_at], squares, s.blades, angle_square
         )
-        return True, reward, of_moments, of_angles, of_tower, told[place - 1], told[place]
+        return True, reward, of_moments, of_angles, of_tower, told[size - 4], told[size - 3]
 
     return step
 
@@ -198,10 +151,11 @@ sample."""
 class CompiledTurbine:
     """The one turbine of a plant, in flat arrays, which are the plant's state while it is stepped here.
 
-    `real`, in the precision of the modes, holds decay, read, push and feed of the parameters; modes; rows and inputs to
-    work in; the response to the episode's wind. `own`, in double precision, holds sizes, limits, `settling`, flaps,
-    numbers to work in, what is told with each moment's mean square behind it, scoring, entries of the observation,
-    actions since the reset, level of the response, azimuth at the reset, and what sensors add of their own.
+    `real`, in the precision of the modes, holds decay, C, B and D of the parameters; modes; rows and inputs to work in;
+    the response to the episode's wind. `own`, in double precision, holds sizes (as whole numbers), time step, azimuth
+    of an interval, its cosine and sine, actuators, heading, `settling`, motion, numbers to work in, what is told with
+    mean squares behind it, scoring, entries of the observation, actions since the reset, level of the response, azimuth
+    at the reset, and what sensors add of their own.
 
     Parameters
     ----------
@@ -212,35 +166,28 @@ class CompiledTurbine:
 
     def __init__(self, plant: LinearPlant, scoring: Scoring) -> None:
         self._plant, p = plant, plant.parameters
-        self._observed = len(scoring.columns)
-        s = Sizes(*sizes_of.py_func(p))
-        constants = np.concatenate([each.ravel() for each in (p.decay, p.read.T, p.push, p.feed)])
+        self._observed, s, count = len(scoring.columns), p.sizes, p.angle_limit.size
+        constants = np.concatenate([each.ravel() for each in (p.decay, p.C.T, p.B, p.D)])
         self._modes = slice(constants.size, constants.size + s.modes)
-        self._responses = constants.size + s.modes + s.rows + len(p.feed)
+        self._responses = self._modes.stop + s.rows + len(p.D)
         length = s.intervals * (s.rows + s.kept)
         self._real = np.zeros(self._responses + length, dtype=constants.dtype)
         self._real[: constants.size] = constants
-        of_each = (
-            p.angle_limit,
-            p.rate_limit,
-            p.acceleration,
-            p.effectiveness,
-            p.lag_gain,
-            p.stiffness,
-            p.damping,
-        )
-        limits = np.concatenate([*of_each, p.settling.ravel()])
-        flaps = len(s) + limits.size
-        self._flaps = slice(flaps, flaps + plant.state.flaps.size)
-        told = self._flaps.stop + work_size.py_func(s) + s.fixed_outputs
+        turn = p.turn * s.steps
+        clock = np.array([p.time_step, turn, math.cos(turn), math.sin(turn)])
+        sizes = np.array(s, dtype=np.int64).view(np.float64)
+        fixed = np.concatenate([sizes, clock, p.actuators.ravel(), np.zeros(2), p.settling.ravel()])
+        begin = fixed.size
+        self._flaps = slice(begin, begin + 4 * count)
+        told = begin + MOTION * count + work_size.py_func(s)
         self._told = slice(told, told + plant.quantities.size + s.blades)
         head = [scoring.fore_aft, scoring.rbm_weight, scoring.angle_weight, scoring.tower_weight]
         table = (scoring.columns, scoring.factors, scoring.offsets, scoring.bounds, scoring.added)
-        room = np.zeros(self._told.stop - self._flaps.start)
-        self._constants = np.concatenate([s, limits, room, head, *table], dtype=float)
+        room = np.zeros(self._told.stop + s.fixed_outputs - begin)
+        self._constants = np.concatenate([fixed, room, head, *table], dtype=float)
         self.load(np.empty((0, 0)))
         # A step that leaves no trace: code is compiled or read now, and no step waits for it.
-        still = np.zeros(p.angle_limit.size, dtype=np.float32)
+        still = np.zeros(count, dtype=np.float32)
         run_kept(_step, self._real, self._own, still, empty(self._observed, np.float32))
         self.load(np.empty((0, 0)))
 
@@ -256,8 +203,9 @@ class CompiledTurbine:
 
     def store(self) -> None:
         """Give the plant its turbine back."""
+        elapsed = self._own[self._begun : self._begun + 1].astype(np.int64)
         self._plant.state = State(
-            elapsed=self._own[self._begun : self._begun + 1].astype(np.int64),
+            elapsed=elapsed,
             flaps=self._own[self._flaps].reshape(4, -1, 1).copy(),
             modes=self._real[None, self._modes].copy(),
         )

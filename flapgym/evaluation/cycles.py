@@ -33,7 +33,7 @@ def _counter() -> Any:
     if chosen_backend("auto") != "numba":
         return count_cycles
     # Loaded only here: numba takes longer than the rest of the package.
-    from flapgym.plant.backends.numba import kept, run_kept
+    from flapgym.core.kept import kept, run_kept
 
     compiled = kept(count_cycles)
     return lambda *arguments: run_kept(compiled, *arguments)

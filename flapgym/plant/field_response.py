@@ -17,11 +17,10 @@ from scipy.fft import irfft, next_fast_len
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
 from flapgym.core.fields import Quantity
+from flapgym.core.modal import Modal
 from flapgym.plant.frame import OutputRows
-from flapgym.plant.modal import Modal
-from flapgym.plant.start import Blowing
+from flapgym.plant.wind_response import Blowing
 from flapgym.wind.blade_field import PARTS, BladeTurbulence, FieldOnDisk, blade_turbulence, field_on_disk
-from flapgym.wind.disk import annulus_weights
 from flapgym.wind.field import SCALES_APART, interpolation_weights, time_scale
 from flapgym.wind.turbulence import Turbulence
 
@@ -38,7 +37,7 @@ TAPS = 12
 
 @dataclass(frozen=True, eq=False)
 class FieldResponse:
-    """Draws realisations of a field and gives the outputs they cause; as `flapgym.plant.disturbance.Disturbance` does.
+    """A turbulent field (`flapgym.plant.wind_response.WindResponse`), stationary in multi-blade components.
 
     Attributes
     ----------
@@ -63,7 +62,7 @@ class FieldResponse:
     wind_speed: float
 
     def noise_count(self, intervals: int) -> int:
-        """Random numbers one realisation of so many intervals takes."""
+        """Numbers of the waves."""
         return self.prepared(intervals).turbulence.noise_count
 
     def prepared(self, intervals: int) -> Synthesis:
@@ -85,46 +84,29 @@ class FieldResponse:
         return _synthesis(self, period)
 
     def on_disk(self, noise: Array, intervals: int) -> FieldOnDisk:
-        """The field over the disk while blades meet what normal numbers (noise_count,) make, for a picture."""
+        """The field over the disk."""
         turbulence = self.prepared(intervals).turbulence
         return field_on_disk(self.field, turbulence, self.wind_speed, self.turn / self.modal.time_step, noise)
 
     def respond(self, noise: Array, intervals: int, azimuth: float) -> tuple[Array, Array]:
-        """Outputs that a realisation of the field causes.
-
-        Parameters
-        ----------
-        noise : (noise_count,) float
-            Standard normal numbers.
-        intervals : int
-            Length of the episode.
-        azimuth : float
-            At its start, which counts for nothing: the components of what the blades meet are stationary.
-
-        Returns
-        -------
-        first : (ny + 1,) float
-            Outputs at sample 0, blades in multi-blade components, and the wind, here the mean over the disk.
-        rows : (intervals, rows.count) float
-            Rows of every interval.
-        """
+        """Outputs at sample 0, and rows; told of the wind is its mean over the disk. The azimuth counts for nothing."""
         outputs = self.prepared(intervals).outputs(noise, intervals * self.rows.steps + 1)
         flat = outputs[1:].reshape(intervals, -1)
         return outputs[0], flat @ self.rows.matrix(self.turn).T
 
     def blowing(self, noise: Array, intervals: int, azimuth: float) -> Blowing:
-        """The field itself, and the turbine's stationary motion in it at sample 0; given as to `respond`."""
+        """The field, and the turbine's stationary motion in it."""
         prepared, modal = self.prepared(intervals), self.modal
         waves = prepared.turbulence.waves(noise) * self.field.deviation(self.wind_speed)
         waves = waves.reshape(len(waves), -1)
         ahead = np.exp(2j * np.pi * prepared.turbulence.frequencies * modal.time_step)[:, None]
         # The wind is the real part of its waves, half of each and half of its conjugate: a mode, complex, hears both.
-        push, back = waves @ modal.drive.T, waves.conj() @ modal.drive.T
+        push, back = waves @ modal.B.T, waves.conj() @ modal.B.T
         modes = 0.5 * (push / (ahead - modal.values) + back / (ahead.conj() - modal.values)).sum(axis=0)
         waves[1:] *= 0.5
         spectrum = np.vstack([waves.T, prepared.of_average(noise)])
         winds = prepared.sampled(spectrum, intervals * self.rows.steps + 1)
-        return Blowing(modes, winds[:, :-1], winds[:, -1])
+        return Blowing((modal.expand @ modes).real, winds[:, :-1], winds[:, -1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,9 +168,8 @@ def _synthesis(response: FieldResponse, period: float) -> Synthesis:
     )
     deviation = response.field.deviation(response.wind_speed)
     # Of strips and components, those of one strip together: to outputs from the parts of which the noise is.
-    answers = frequency_response(modal, turbulence.frequencies)
+    answers = modal.frequency_response(turbulence.frequencies)
     answers = answers.reshape(*answers.shape[:2], len(response.radii), BLADES)
-    answers[:, -1, :, 0] = annulus_weights(response.radii)
     folded = np.einsum("fyrc,cp,fprs->fyps", answers, PARTS, turbulence.root, optimize=True)
     # The mean over the disk is of U_0 alone.
     folded[:, -1, 1:] = 0.0
@@ -196,13 +177,3 @@ def _synthesis(response: FieldResponse, period: float) -> Synthesis:
     folded[1:] *= 0.5
     weights = interpolation_weights(coarse, highest * step, TAPS)
     return Synthesis(turbulence, folded.reshape(*folded.shape[:2], -1), coarse, points, weights)
-
-
-def frequency_response(modal: Modal, frequency: Array) -> ComplexArray:
-    """Outputs over inputs (F, ny, nu) of a modal system at frequencies (F,) [Hz]."""
-    ahead = np.exp(2j * np.pi * frequency * modal.time_step)[:, None]
-    # A mode stands for itself and its conjugate, and its row is counted twice; so is that of a real mode, halved.
-    own, conjugate = 1.0 / (ahead - modal.values), 1.0 / (ahead - modal.values.conj())
-    answer = (own[:, None] * modal.read) @ modal.drive
-    answer += (conjugate[:, None] * modal.read.conj()) @ modal.drive.conj()
-    return np.asarray(0.5 * answer + modal.D)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,3 +38,17 @@ def plant_fingerprint(model: TurbineModel) -> str:
     for flap in model.flaps:
         numbers += [flap.angle_limit, flap.rate_limit, flap.acceleration_limit]
     return fingerprint(matrices, numbers)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A model that equals another when every number a plant uses is the same, wherever it was loaded from."""
+
+    model: TurbineModel = field(compare=False)
+    fingerprint: str
+    signals: tuple[tuple[str, ...], tuple[str, ...]]
+
+    @classmethod
+    def of(cls, model: TurbineModel) -> Numbers:
+        """Of a model."""
+        return cls(model, plant_fingerprint(model), (model.turbine.inputs, model.turbine.outputs))

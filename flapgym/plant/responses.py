@@ -7,16 +7,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flapgym.core.arrays import Array, FloatArray, IntArray
-from flapgym.plant.box_response import BoxResponse
-from flapgym.plant.disturbance import Disturbance, wind_response
-from flapgym.plant.field_response import FieldResponse
-from flapgym.plant.parameters import Kernel, Stepping
+from flapgym.plant.disturbance import wind_response
+from flapgym.plant.kernel import Kernel
+from flapgym.plant.parameters import Stepping
 from flapgym.plant.start import GivenWind, Start
-from flapgym.wind.blade_field import FieldOnDisk
-from flapgym.wind.box_field import BoxOnDisk
 
 
 class Pool:
@@ -33,7 +29,7 @@ class Pool:
     """
 
     def __init__(self, kernel: Kernel, intervals: int, size: int, precision: str) -> None:
-        self.first = np.zeros((size, len(kernel.wind.outputs)))
+        self.first = np.zeros((size, len(kernel.flap.outputs)))
         self.strongest = np.zeros(size)
         self.rows = np.zeros((size, intervals, kernel.rows.count), dtype=precision)
         self._kernel, self._intervals = kernel, intervals
@@ -44,19 +40,20 @@ class Pool:
         memo[id(self.rows)] = self.rows  # a plant's episode shows them, too
         return self
 
-    def fill(self, wanted: NDArray[np.int64]) -> None:
+    def fill(self, wanted: IntArray) -> None:
         """Make sure that these realisations are there."""
         if self._known[wanted].all():
             return
+        kernel, intervals = self._kernel, self._intervals
         for index in np.unique(wanted[~self._known[wanted]]):
-            noise = realisation_noise(int(index), self._kernel.disturbance.noise_count(self._intervals))
+            noise = realisation_noise(int(index), kernel.disturbance.noise_count(intervals))
             azimuth = float(realisation_azimuth(index))
-            first, rows = self._kernel.disturbance.respond(noise, self._intervals, azimuth)
-            if self._kernel.steady is not None:
-                first_steady, steady = steady_rows(self._kernel, azimuth, self._intervals)
+            first, rows = kernel.disturbance.respond(noise, intervals, azimuth)
+            if kernel.steady is not None:
+                first_steady, steady = steady_rows(kernel, azimuth, intervals)
                 first, rows = first + first_steady, rows + steady
             self.first[index], self.rows[index] = first, rows
-            self.strongest[index] = strongest_wind(self._kernel, first, rows)
+            self.strongest[index] = strongest_wind(kernel, first, rows)
             self._known[index] = True
 
 
@@ -70,26 +67,6 @@ def strongest_wind(kernel: Kernel, first: Array, rows: FloatArray) -> float:
 def realisation_noise(seed: int, count: int) -> Array:
     """Standard normal numbers that make the realisation of a seed."""
     return np.random.default_rng(seed).standard_normal(count)
-
-
-def field_over_disk(
-    response: Disturbance | FieldResponse | BoxResponse, start: Start, intervals: int
-) -> FieldOnDisk | BoxOnDisk:
-    """The wind over the disk while the one turbine of a start goes through its episode, for a picture.
-
-    Raises
-    ------
-    ValueError
-        If there is no field around the plant.
-    """
-    if isinstance(response, Disturbance):
-        raise ValueError("field: expected a field around the plant, there is none")
-    if start.noise is not None:
-        (noise,) = start.noise
-    else:
-        assert start.realisation is not None
-        noise = realisation_noise(int(start.realisation[0]), response.noise_count(intervals))
-    return response.on_disk(noise, intervals)
 
 
 def realisation_azimuth(seed: IntArray | int) -> Array:
@@ -123,9 +100,7 @@ def shared_pool(kernel: Kernel, intervals: int, size: int, precision: str) -> Po
 
 @lru_cache(maxsize=4)
 def gust_response(kernel: Kernel, wind: bytes, before: tuple[float, ...]) -> tuple[Array, Array]:
-    """Outputs and wind (ny + 1,) at sample 0 and rows (intervals, count) under a given wind.
-
-    Computed once for all plants.
+    """Outputs and wind (ny + 1,) at sample 0 and rows (intervals, count) under a given wind, once for all plants.
 
     Parameters
     ----------
@@ -146,7 +121,7 @@ class Responses:
     Attributes
     ----------
     rows : (places, intervals, count) float
-        In the frame of the interval's start.
+        In the frame of the interval's start; the pool's, or its own.
     place : (n,) int
         Where each turbine's response is.
     level : (n,) float
@@ -157,28 +132,23 @@ class Responses:
 
     def __init__(self, kernel: Kernel, count: int, stepping: Stepping, reference_intensity: float) -> None:
         self._kernel, self._stepping, self._reference = kernel, stepping, reference_intensity
-        self._pool = (
-            shared_pool(kernel, stepping.intervals, stepping.pool, stepping.precision)
-            if stepping.pool
-            else None
-        )
-        places = count if self._pool is None else 0
-        self._own_rows = np.zeros((places, stepping.intervals, kernel.rows.count), dtype=stepping.precision)
-        self.place = np.arange(count) if self._pool is None else np.zeros(count, dtype=np.int64)
+        intervals, precision = stepping.intervals, stepping.precision
+        self._pool = shared_pool(kernel, intervals, stepping.pool, precision) if stepping.pool else None
+        if self._pool is None:
+            self.rows: FloatArray = np.zeros((count, intervals, kernel.rows.count), dtype=precision)
+            self.place = np.arange(count)
+        else:
+            self.rows, self.place = self._pool.rows, np.zeros(count, dtype=np.int64)
         self.level = np.ones(count)
         self.strongest = np.zeros(count)
         self._gust: tuple[GivenWind, Array, Array] | None = None
 
-    @property
-    def rows(self) -> FloatArray:
-        """Where the responses are: the pool's or its own."""
-        return self._own_rows if self._pool is None else self._pool.rows
-
-    def draw(self, turbines: NDArray[np.int64], start: Start) -> Array:
+    def draw(self, turbines: IntArray, start: Start) -> Array:
         """Prepare m episodes; the outputs and wind (m, ny + 1) at sample 0.
 
         One turbine after another: then a realisation is the same to the last bit, whoever else is reset with it.
         """
+        kernel, intervals = self._kernel, self._stepping.intervals
         # A field knows how strong it is.
         levels = np.asarray(start.intensity) / self._reference
         if self._stepping.surroundings.field is not None:
@@ -190,26 +160,25 @@ class Responses:
             self.place[turbines], self.level[turbines] = start.realisation, levels
             self.strongest[turbines] = self._pool.strongest[start.realisation] * levels
             return self._pool.first[start.realisation] * levels[:, None]
-        first = np.zeros((len(turbines), len(self._kernel.wind.outputs)))
+        first = np.zeros((len(turbines), len(kernel.flap.outputs)))
         for index, (turbine, level) in enumerate(zip(turbines, levels, strict=True)):
+            azimuth = float(start.azimuth[index])
             if level > 0.0 and start.noise is not None:
-                begin, rows = self._kernel.disturbance.respond(
-                    start.noise[index], self._stepping.intervals, float(start.azimuth[index])
-                )
+                begin, rows = kernel.disturbance.respond(start.noise[index], intervals, azimuth)
                 first[index] = begin * level
                 np.multiply(rows, level, out=self.rows[turbine], casting="same_kind")
             else:
                 self.rows[turbine] = 0.0
-            if self._kernel.steady is not None:
-                begin, rows = steady_rows(self._kernel, float(start.azimuth[index]), self._stepping.intervals)
+            if kernel.steady is not None:
+                begin, rows = steady_rows(kernel, azimuth, intervals)
                 first[index] += begin
                 self.rows[turbine] += rows.astype(self.rows.dtype)
         if start.gust is not None:
-            begin_gust, gust_rows = self._gust_response(start.gust)
-            first += begin_gust
-            self.rows[turbines] += gust_rows.astype(self.rows.dtype)
+            begin, rows = self._gust_response(start.gust)
+            first += begin
+            self.rows[turbines] += rows.astype(self.rows.dtype)
         for index, turbine in enumerate(turbines):
-            self.strongest[turbine] = strongest_wind(self._kernel, first[index], self.rows[turbine])
+            self.strongest[turbine] = strongest_wind(kernel, first[index], self.rows[turbine])
         return first
 
     def _gust_response(self, gust: GivenWind) -> tuple[Array, Array]:

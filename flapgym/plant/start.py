@@ -1,11 +1,11 @@
-"""How episodes begin: winds known in advance, a field for a plant that steps, what a reset gives of each turbine."""
+"""How episodes begin: winds known in advance, and what a reset gives of each turbine."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from flapgym.core.arrays import Array, ComplexArray, IntArray
+from flapgym.core.arrays import Array, IntArray
 
 
 class GivenWind(NamedTuple):
@@ -21,24 +21,6 @@ class GivenWind(NamedTuple):
 
     wind: Array
     before: float | Array
-
-
-class Blowing(NamedTuple):
-    """A realisation of a field for a plant that steps through it, and the turbine it meets at sample 0.
-
-    Attributes
-    ----------
-    modes : (M,) complex
-        Of the turbine under winds by strip, at sample 0.
-    strips : (T + 1, 3 R) float
-        Winds of R strips, each in components 0, c, s, at samples 0 to T [m/s].
-    average : (T + 1,) float
-        Their mean over the disk [m/s].
-    """
-
-    modes: ComplexArray
-    strips: Array
-    average: Array
 
 
 @dataclass(frozen=True, eq=False)

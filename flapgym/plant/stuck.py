@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flapgym.core.arrays import BLADES, Array, ComplexArray
-from flapgym.plant.modal import Modal
+from flapgym.core.modal import Modal
 
 
 def stuck_modes(flap: Modal, angle: Array, azimuth: Array, turn: float) -> ComplexArray:
@@ -32,7 +32,7 @@ def stuck_modes(flap: Modal, angle: Array, azimuth: Array, turn: float) -> Compl
         return modes
     phase = np.exp(1j * np.asarray(azimuth))[:, None]
     for number, angles in enumerate(each.T):
-        mean, cosine, sine = flap.drive[:, BLADES * number : BLADES * (number + 1)].T
+        mean, cosine, sine = flap.B[:, BLADES * number : BLADES * (number + 1)].T
         turning = 2.0 / BLADES * np.sum(angles * np.exp(2j * np.pi / BLADES * np.arange(BLADES)))
         steady = mean * np.mean(angles) / (1.0 - flap.values)
         along = 0.5 * turning * (cosine - 1j * sine) / (np.exp(1j * turn) - flap.values)

@@ -41,9 +41,9 @@ def tell(
     azimuth : (n,) float
         Of blade 1 at the last sample [rad].
     """
-    p, n = parameters, len(rbm)
-    unknown = np.full((n, (p.blade_places - p.blade_outputs) * p.blades), np.nan)
-    unknown_fixed = np.full((n, p.fixed_places - p.fixed_outputs), np.nan)
+    p, s, n = parameters, parameters.sizes, len(rbm)
+    unknown = np.full((n, (s.blade_places - s.blade_outputs) * s.blades), np.nan)
+    unknown_fixed = np.full((n, s.fixed_places - s.fixed_outputs), np.nan)
     heading = np.empty((n, 3))
     heading[:, 0], heading[:, 1], heading[:, 2] = azimuth % (2.0 * np.pi), np.cos(azimuth), np.sin(azimuth)
     last = np.concatenate(
@@ -62,7 +62,7 @@ def tell(
         axis=1,
     )
     samples = np.empty((n, 0, 0))
-    if p.record:
+    if s.record:
         flat = others.transpose(0, 2, 1, 3).reshape(n, rbm.shape[1], -1)
         flaps = motion[1:].transpose(3, 0, 1, 2).reshape(n, rbm.shape[1], -1)
         samples = np.concatenate([rbm, flat, flaps, fixed.transpose(0, 2, 1), wind[:, :, None]], axis=2)

@@ -18,6 +18,7 @@ from flapgym.plant.field_response import FieldResponse
 from flapgym.plant.parameters import Stepping
 from flapgym.plant.responses import realisation_noise
 from flapgym.plant.start import Start
+from flapgym.plant.wind_response import WindResponse
 from flapgym.wind import Lidar, von_karman_filter
 from flapgym.wind.shaping_filter import filtered
 from flapgym.wind.upwind import seen_of_box, seen_of_gust, upwind_turbulence
@@ -32,7 +33,7 @@ _shaping = lru_cache(maxsize=4)(von_karman_filter)
 """Kept, as a reset would wait for it."""
 
 
-def known_ahead(response: Disturbance | FieldResponse | BoxResponse, intervals: int) -> float:
+def known_ahead(response: WindResponse, intervals: int) -> float:
     """Time [s] beyond an episode up to which its wind can be told ahead.
 
     A field repeats itself after its period: half of what is left of that stays between the two ends. A homogeneous wind
@@ -45,7 +46,7 @@ def known_ahead(response: Disturbance | FieldResponse | BoxResponse, intervals: 
 
 
 def measured_upwind(
-    response: Disturbance | FieldResponse | BoxResponse,
+    response: WindResponse,
     model: TurbineModel,
     stepping: Stepping,
     lidar: Lidar,
@@ -56,7 +57,7 @@ def measured_upwind(
 
     Parameters
     ----------
-    response : Disturbance, FieldResponse or BoxResponse
+    response : WindResponse
     model : TurbineModel
     stepping : Stepping
     lidar : Lidar
@@ -77,9 +78,10 @@ def measured_upwind(
         if isinstance(response, FieldResponse):
             wind = _of_field(response, lidar, noise, generator, arrival, float(azimuth), intervals)
         elif isinstance(response, BoxResponse):
-            begin = response.field.begins(noise, intervals * response.rows.steps * model.time_step)
+            begin = response.field.begins(noise, response.duration(intervals))
             wind = seen_of_box(response.field.box, begin, lidar, arrival)
         else:
+            assert isinstance(response, Disturbance)
             level = float(start.intensity[row]) / model.turbulence_intensity
             wind = level * _of_gust(response, model, stepping, lidar, noise, generator, arrival)[:, None]
         of_noise = lidar.noise * generator.standard_normal((len(arrival), lidar.beams))

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from flapgym.envs import FlapEnv, FlapRangeEnv, FlapRangeVectorEnv, FlapVectorEnv
 from flapgym.model import ModelSet, load_model_set, save_model_set
 from flapgym.plant.field_response import _synthesis
-from flapgym.plant.parameters import _kernel
+from flapgym.plant.kernel import _kernel
 from flapgym.wind.upwind import upwind_turbulence
 from flapgym.wrappers.single import TargetAngle
 from flapgym.wrappers.vector import VectorTargetAngle

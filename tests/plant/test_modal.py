@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flapgym.core.modal import modal_form
 from flapgym.core.state_space import StateSpace
-from flapgym.plant.disturbance import stationary_covariance
-from flapgym.plant.modal import modal_form
 from tests.synthetic import synthetic_turbine
 
 
@@ -19,10 +18,8 @@ def test_the_frequency_response_is_kept():
     frequency = np.geomspace(0.01, 60.0, 40)
     z = np.exp(2j * np.pi * frequency * system.time_step)
     # Response of z' = l z + b u read by Re(c z): c b / (s - l) and its mirror image, halved.
-    near = np.einsum("ym,fm,mu->fyu", modal.read, 1 / (z[:, None] - modal.values), modal.drive)
-    far = np.einsum(
-        "ym,fm,mu->fyu", modal.read.conj(), 1 / (z[:, None] - modal.values.conj()), modal.drive.conj()
-    )
+    near = np.einsum("ym,fm,mu->fyu", modal.C, 1 / (z[:, None] - modal.values), modal.B)
+    far = np.einsum("ym,fm,mu->fyu", modal.C.conj(), 1 / (z[:, None] - modal.values.conj()), modal.B.conj())
     expected = system.frequency_response(frequency)
     scale = np.abs(expected).max(axis=(0, 2))[None, :, None]
     assert (np.abs((near + far) / 2 + modal.D - expected) / scale).max() < 1e-10
@@ -43,7 +40,7 @@ def test_an_unstable_system_is_refused():
 
 def test_the_closed_form_covariance_solves_the_lyapunov_equation():
     system = synthetic_turbine().select(inputs=["wind"])
-    covariance = stationary_covariance(modal_form(system))
+    covariance = modal_form(system).stationary_covariance()
     residual = system.A @ covariance @ system.A.T + system.B @ system.B.T - covariance
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance))).max()
     assert np.abs(residual).max() < 1e-10 * scale

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flapgym.core.modal import modal_form
 from flapgym.plant import Faults, GivenWind
-from flapgym.plant.disturbance import disturbance_modes, disturbance_system
+from flapgym.plant.disturbance import disturbance_system
 from reference.plant import run
 from tests.plant.plants import (
     BACKENDS,
@@ -30,8 +31,9 @@ SEVERAL = [(1, False), (2, True), (3, True)]
 
 def _wind_and_state(model, start, turbine):
     """Wind of a realisation, and the turbine's state at sample 0, by the plain stepping of the disturbance system."""
-    modes, root = disturbance_modes(model, LENGTH_SCALE)
     system = disturbance_system(model, LENGTH_SCALE)
+    modes = modal_form(system)
+    root = modes.stationary_root()
     noise = start.intensity[turbine] / model.turbulence_intensity * start.noise[turbine]
     state = (modes.expand @ (noise[: system.order] @ root.T).view(complex)).real
     wind = system.select(outputs=["wind"]).simulate(noise[system.order :, None], state)[:, 0]

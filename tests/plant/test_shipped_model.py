@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flapgym.core.modal import modal_form
 from flapgym.model import load_model
 from flapgym.plant.disturbance import disturbance_system
-from flapgym.plant.modal import modal_form
 from reference.plant import run
 from tests.plant.plants import BACKENDS, actions_of, assert_near, flown, plant_of, rest
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flapgym.core.modal import modal_form
 from flapgym.core.multiblade import to_components
 from flapgym.model import load_model
 from flapgym.model.harmonics import PeriodicPart
 from flapgym.plant import Faults
-from flapgym.plant.modal import modal_form
 from flapgym.plant.stuck import stuck_modes
 from reference.plant import run
 from tests.plant.plants import BACKENDS, assert_near, flown, model_of, plant_of, rest
@@ -30,7 +30,7 @@ def test_the_steady_motion_under_stuck_flaps_is_the_one_that_marching_keeps(mode
     steps = 200
     for step in range(steps):
         components = to_components(angle.T, np.array(theta + step * turn)).ravel()
-        z = flap.values * z + flap.drive[:, : 3 * flaps] @ components
+        z = flap.values * z + flap.B[:, : 3 * flaps] @ components
     expected = stuck_modes(flap, angle, np.array([theta + steps * turn]), turn)[0]
     np.testing.assert_allclose(z, expected, atol=1e-10 * np.abs(expected).max())
 
@@ -40,7 +40,7 @@ def test_equal_stuck_flaps_load_the_turbine_as_its_steady_gain_says():
     flap = _flap_modes(model)
     turn, azimuth = model.rotor_speed * model.time_step, np.array([0.3, 2.0])
     z = stuck_modes(flap, np.full((3, 1), 0.05), azimuth, turn)
-    outputs = (z @ flap.read.T).real + 0.05 * flap.D[:, 0]
+    outputs = (z @ flap.C.T).real + 0.05 * flap.D[:, 0]
     steady = 0.05 * model.turbine.dc_gain()[:, 0]
     # Each quantity by its largest component: symmetry makes some of them zero but for round-off.
     for part in (slice(0, 3), slice(3, 6), slice(6, 8)):

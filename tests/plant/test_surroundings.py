@@ -14,9 +14,9 @@ from flapgym.core.multiblade import blade_azimuths, to_blades, to_components
 from flapgym.model import load_model
 from flapgym.model.nameplate import nameplate
 from flapgym.model.signals import strip_inputs
+from flapgym.model.steady import LEFT_OUT, steady_response
 from flapgym.plant import Surroundings, field_response
 from flapgym.plant.responses import realisation_azimuth
-from flapgym.plant.surroundings import LEFT_OUT, steady_response, strip_radii
 from flapgym.wind import Inflow
 from flapgym.wind.turbulence import Kaimal, VonKarman
 from tests.plant.plants import (
@@ -62,7 +62,7 @@ def marched(inputs, winds):
 def strips_marched(inflow):
     """The same under steady inflow, each blade's on the disk itself."""
     model = site_model()
-    disk, radii = nameplate(model.case).disk, strip_radii(model)
+    disk, radii = nameplate(model.case).disk, nameplate(model.case).strip_radii
 
     def winds(azimuth):
         met = [inflow.on_disk(radii, each, disk, model.wind_speed) for each in blade_azimuths(azimuth).T]
@@ -79,7 +79,7 @@ def gravity_marched():
 def steady_of(around, azimuth):
     """Outputs (T, ny) with the mean that an episode leaves out."""
     model = site_model()
-    steady = steady_response(model, around, model.turbine.outputs)
+    steady = steady_response(model, around.inflow, around.gravity, model.turbine.outputs)
     return (steady.at(azimuth) + steady.mean)[:, :-1]
 
 
@@ -106,7 +106,7 @@ def test_the_response_to_steady_inflow_is_that_of_marching_through_it_but_for_wh
 def test_the_response_to_the_harmonics_of_steady_inflow_is_that_of_marching_to_1e6(inflow):
     model = site_model()
     found = inflow.components(
-        strip_radii(model), nameplate(model.case).disk, model.wind_speed, left_out=LEFT_OUT
+        nameplate(model.case).strip_radii, nameplate(model.case).disk, model.wind_speed, left_out=LEFT_OUT
     )
 
     def winds(azimuth):
@@ -210,7 +210,7 @@ def test_an_episode_in_a_field_is_that_of_marching_through_the_field_to_1e9(step
     first = plant.reset(np.arange(2), start).last
     flight = flown(plant, start, np.zeros((count // steps, 2, 3)))
     turbulence = plant._kernel.disturbance.prepared(count // steps).turbulence
-    radii = strip_radii(model)
+    radii = nameplate(model.case).strip_radii
     annuli = radii * np.gradient(radii)
     for turbine in range(2):
         winds = winds_of(turbulence, start.noise[turbine])

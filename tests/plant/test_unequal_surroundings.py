@@ -17,7 +17,6 @@ from flapgym.model.harmonics import PeriodicPart, simulate_periodic
 from flapgym.model.nameplate import nameplate
 from flapgym.model.signals import grouped, strip_inputs
 from flapgym.plant import GivenWind, PeriodicPlant, Surroundings
-from flapgym.plant.surroundings import strip_radii
 from flapgym.turbine import Signals, load_case
 from flapgym.wind import Inflow
 from flapgym.wind.box import WindBox
@@ -139,7 +138,7 @@ def test_the_response_to_what_is_steady_is_that_of_marching_about_each_blade_s_o
     steps = round(revolution / model.time_step)
     model = replace(model, rotor_speed=2.0 * np.pi / steps / model.time_step)
     azimuth = 2.0 * np.pi / steps * np.arange(round(run_in / model.time_step) // steps * steps + steps)
-    disk, radii = nameplate(model.case).disk, strip_radii(model)
+    disk, radii = nameplate(model.case).disk, nameplate(model.case).strip_radii
     met = [SHEAR.on_disk(radii, each, disk, model.wind_speed) for each in blade_azimuths(azimuth[:steps]).T]
     winds = to_components(np.stack(met, axis=-1), azimuth[:steps]).transpose(1, 0, 2).reshape(steps, -1)
     inputs = strips_of(model, np.tile(winds, (len(azimuth) // steps, 1)))
@@ -211,7 +210,7 @@ def test_a_gust_by_strip_and_a_field_do_what_the_model_s_own_simulation_says(aro
     winds = gust.wind.copy()
     if around.field is not None:
         # The waves of the noise one by one, and the mean turbine's answer to them since ever.
-        turbulence = plant._field.prepared(count // 5).turbulence
+        turbulence = plant._kernel.disturbance.prepared(count // 5).turbulence
         waves = turbulence.waves(start.noise[0]) * FIELD.deviation(model.wind_speed)
         waves = waves.reshape(len(waves), -1)
         ahead = np.exp(2j * np.pi * turbulence.frequencies * model.time_step)

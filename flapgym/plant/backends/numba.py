@@ -1,38 +1,28 @@
-"""The step as compiled code: plain loops over the arrays of `flapgym.plant.parameters`. numba keeps it on disk.
+"""The step as compiled code: plain loops over the arrays of `flapgym.plant.parameters`.
 
-Many turbines are stepped side by side: flaps with the turbines innermost, modes by matrix products of BLOCK turbines.
-Of one turbine, which `flapgym.envs.compiled` steps by the functions from `move` to `read_fixed`, vector units run along
-the modes. Compiled code counts the references to every array that it takes out of a tuple or cuts from another, so
-these get their arrays one by one, flat, and everything else as `Sizes`.
+What is here is written once, for n turbines side by side in arrays that are flat, turbines innermost; of one turbine
+`flapgym.envs.compiled` calls the same functions. Only the products differ: of many turbines they are matrix products,
+of one, vector units run along the modes. Compiled code counts the references to every array that it takes out of a
+tuple or cuts from another, so these functions get few arrays, and everything else as `Sizes`.
 """
 
 from __future__ import annotations
 
-import contextlib
-import inspect
 import math
-import sys
 import zlib
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import njit
-from numba.core import event
 
 from flapgym.core.arrays import BLADES, FloatArray
+from flapgym.core.kept import OPTIONS, kept, run_kept
 from flapgym.plant import actuator, parameters
 from flapgym.plant.parameters import Episode, Loads, Parameters, State
 
-OPTIONS: dict[str, Any] = {
-    # Sums may be reordered and products fused; NaN and infinity keep their meaning, for a step must notice them.
-    "fastmath": {"reassoc", "contract", "nsz"},
-    "error_model": "numpy",
-}
 WITHIN: dict[str, Any] = OPTIONS | {"inline": "always"}
-"""Of what is small or called at one place: alone it would be compiled twice, by itself and within its caller. Not of
-`decay_many`, whose loop then comes out slower, with a seventh of a step of 64 turbines."""
+"""Of what is small or called at one place: alone it would be compiled twice, by itself and within its caller."""
 _FILES = (__file__, str(actuator.__file__), str(parameters.__file__))
 EDITION = zlib.crc32(b"".join(Path(file).read_bytes() for file in _FILES))
 """Of the files that go into compiled code here and in `flapgym.envs.compiled`: numba looks at a function's own file."""
@@ -41,115 +31,15 @@ THIRD = 1.0 / BLADES
 C1, S1 = math.cos(2.0 * math.pi * THIRD), math.sin(2.0 * math.pi * THIRD)
 """From one blade to the next."""
 TURN = 2.0 * math.pi
-START = np.int64(0)
-"""Where a first place is handed over: numba compiles a function anew for a literal number."""
+START, ONE, TWO = np.int64(0), np.int64(1), np.int64(2)
+"""Where a first place or a count is handed over: numba compiles a function anew for a literal number."""
 BLOCK = 128
 """Turbines that are stepped together."""
 NEXT_TO_NOTHING = 1e-30
 """Of a mode, whose loads are of the order of its numbers times 1e6."""
-
-
-class Sizes(NamedTuple):
-    """The parameters that are not arrays; see `flapgym.plant.parameters.Parameters`.
-
-    Attributes
-    ----------
-    modes, rows, given, commanded : int
-        2 M and rows of the matrices, Q, and those of the command among them.
-    lags : int
-    cosine, sine : float
-        Of the azimuth of an interval.
-    """
-
-    steps: int
-    intervals: int
-    kept: int
-    blades: int
-    flaps: int
-    pitch: int
-    blade_outputs: int
-    fixed_outputs: int
-    blade_places: int
-    fixed_places: int
-    record: int
-    modes: int
-    rows: int
-    given: int
-    commanded: int
-    lags: int
-    time_step: float
-    turn: float
-    lag_decay: float
-    cosine: float
-    sine: float
-
-
-def kept(function: Any) -> Any:
-    """Compile on demand and keep the code on disk; for this process alone where no folder takes it."""
-    try:
-        return njit(cache=True, **OPTIONS)(function)
-    except RuntimeError:  # numba may write neither beside this file nor in the user's cache folder
-        return njit(**OPTIONS)(function)
-
-
-def first_cause(error: BaseException) -> BaseException:
-    """What began it: an interrupt while results are handed to Python comes out as a SystemError, or one of that."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    return error
-
-
-def run_kept(function: Any, *arguments: Any) -> Any:
-    """Call a pure function whose code is kept; files damaged there are removed, and nothing there is needed."""
-    try:
-        return function(*arguments)
-    except SystemError as error:
-        raise first_cause(error) from None
-    except Exception:
-        # Numba unpickles what it kept, and of a file that is empty or cut comes any error.
-        source = inspect.getfile(function.py_func)
-        with contextlib.suppress(OSError, TypeError):
-            for damaged in Path(function.stats.cache_path).glob(f"{Path(source).stem}.*.nb?"):
-                damaged.unlink()
-    try:
-        return function(*arguments)
-    except OSError:  # the folder is gone since numba chose it
-        return _for_this_process(function)(*arguments)
-
-
-@lru_cache
-def _for_this_process(function: Any) -> Any:
-    """The same function, whose code is kept nowhere."""
-    return njit(**OPTIONS)(function.py_func)
-
-
-class _Announcement(event.Listener):
-    """Says so when code of this package is compiled in earnest, not when it is read from where it is kept."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._depth = 0
-
-    def on_start(self, event: Any) -> None:
-        """One line for all functions that are compiled within the first."""
-        function = event.data["dispatcher"]
-        if self._depth == 0 and function.py_func.__module__.startswith("flapgym."):
-            kept_at = function.stats.cache_path
-            once = "once for this installation"
-            if kept_at is None:
-                once = "for this process alone, since no folder keeps it (name one in NUMBA_CACHE_DIR)"
-            if sys.stderr is not None:
-                sys.stderr.write(f"flapgym: compiling the turbine's step, {once} (some tens of seconds)\n")
-                sys.stderr.flush()
-        self._depth += 1
-
-    def on_end(self, event: Any) -> None:
-        """Count."""
-        self._depth -= 1
-
-
-event.register("numba:compile", _Announcement())
-
+MOTION = 6
+"""Numbers of an actuator in motion: angle, rate, lagged acceleration, way; in the interval sum of squared angles over
+their stop, and whether a stop was met."""
 
 flap_step = njit(**WITHIN)(actuator.flap_step)
 
@@ -161,88 +51,171 @@ def actuators(s):  # type: ignore[no-untyped-def]
 
 
 @njit(**OPTIONS)
-def move(s, limits, action, flaps, work):  # type: ignore[no-untyped-def]
-    """Actuators of one turbine over the interval.
+def work_size(s):  # type: ignore[no-untyped-def]
+    """Numbers of a turbine that `move` fills."""
+    return s.blades * (s.flaps + s.pitch) * (1 + 4 * s.steps)
 
-    Returns the sum of the flaps' squared angles over stops, whether a stop was met, and whether angles jumped.
+
+@njit(**OPTIONS)
+def last_size(s):  # type: ignore[no-untyped-def]
+    """Numbers a turbine tells of the last sample."""
+    return s.blade_places * s.blades + 4 * actuators(s) + s.fixed_places + 4
+
+
+@njit(**WITHIN)
+def move(s, n, time_step, table, actions, motion, work):  # type: ignore[no-untyped-def]
+    """Actuators of n turbines over the interval; returns whether a stop was met, and whether angles jumped.
 
     Parameters
     ----------
     s : Sizes
-    limits : (7 blades A,) float
-        Angle stop, rate stop, acceleration, effectiveness, lag gain, stiffness and damping of each.
-    action : (blades A,) float
-    flaps : (4 blades A,) float
-        Angle, rate, lagged acceleration and way of each; changed.
-    work : (blades A (2 + 2 k),) float
-        Filled, of each: command, whether it met a stop, rate gained step by step, jumps step by step.
+    n : int
+    time_step : float
+    table : (8 blades A n,) float
+        `Parameters.actuators`, each entry n times, and headings (`components`).
+    actions : (n blades A,) float
+    motion : (MOTION blades A n,) float
+        Of every actuator, turbines innermost; changed.
+    work : (n work_size,) float
+        Filled alike: command; step by step the rate gained and the jumps and, if they are recorded, angle and rate.
     """
     count, k = actuators(s), s.steps
-    dt, decay = s.time_step, s.lag_decay
-    square, stopped, jumped = 0.0, False, False
+    m, jumped = count * n, 0.0
     for i in range(count):
-        work[i] = min(max(float(action[i]), -1.0), 1.0) * limits[2 * count + i]
-        work[count + i] = 0.0
+        for t in range(n):
+            work[i * n + t] = min(max(float(actions[t * count + i]), -1.0), 1.0) * table[2 * m + i * n + t]
+    for t in range(m):
+        motion[4 * m + t], motion[5 * m + t] = 0.0, 0.0
+    # Unsigned: of a place that could be negative numba asks each time, and no vectors are made of the loop.
+    all_of = np.uint64(m)
+    row, lag, way = all_of, 2 * all_of, 3 * all_of
+    squares, stops = 4 * all_of, 5 * all_of
+    decays, gains, stiff, damped = 4 * all_of, 5 * all_of, 6 * all_of, 7 * all_of
     # Steps of one flap wait for one another, those of several flaps run side by side.
     for j in range(k):
-        place = (2 + j) * count
-        for i in range(count):
-            angle, rate, lagged, held = flaps[i], flaps[count + i], flaps[2 * count + i], work[i]
-            acting = held + limits[4 * count + i] * (lagged - held)
-            acting -= limits[5 * count + i] * angle + limits[6 * count + i] * rate
-            moved, after, jump, hit = flap_step(angle, rate, acting, dt, limits[i], limits[count + i])
-            flaps[i], flaps[count + i] = moved, after
-            flaps[2 * count + i] = held + decay * (lagged - held)
-            flaps[3 * count + i] += abs(moved - angle)
-            if i < s.blades * s.flaps:
-                square += (moved / limits[i]) ** 2
-            work[place + i], work[place + k * count + i] = after - rate, jump
-            if hit:
-                stopped, work[count + i] = True, 1.0
-                jumped |= jump != 0.0
-    return square, stopped, jumped
+        gained, leaps = np.uint64((1 + j) * m), np.uint64((1 + k + j) * m)
+        for t in range(all_of):
+            angle, rate, lagged, held = motion[t], motion[row + t], motion[lag + t], work[t]
+            acting = held + table[gains + t] * (lagged - held)
+            acting -= table[stiff + t] * angle + table[damped + t] * rate
+            moved, after, jump, hit = flap_step(angle, rate, acting, time_step, table[t], table[row + t])
+            motion[t], motion[row + t] = moved, after
+            motion[lag + t] = held + table[decays + t] * (lagged - held)
+            motion[way + t] += abs(moved - angle)
+            motion[squares + t] += (moved / table[t]) ** 2
+            motion[stops + t] = max(motion[stops + t], 1.0 * hit)
+            work[gained + t], work[leaps + t] = after - rate, jump
+            jumped += abs(jump)
+        for t in range(m * s.record):
+            work[(1 + 2 * k + j) * m + t], work[(1 + 3 * k + j) * m + t] = motion[t], motion[m + t]
+    met = 0.0
+    for t in range(m):
+        met += motion[5 * m + t]
+    return met > 0.0, jumped > 0.0
 
 
 @njit(**OPTIONS)
-def components(s, limits, values, first, cosine, sine, inputs, place):  # type: ignore[no-untyped-def]
-    """Components of a quantity of the actuators, values[first:], into inputs from `place` on, three of each.
+def components(s, n, table, values, first, many, inputs, width, place):  # type: ignore[no-untyped-def]
+    """Components of `many` quantities of n turbines' actuators, values[first:], into inputs of `width` from `place` on.
 
-    cos(theta + 2 pi b / 3) summed with the blades: what turns with blade 1 (along), and across it.
+    Three each. What turns with blade 1 (along), and across it, is turned back by the headings behind the table, (2 n,),
+    cosines before sines.
     """
-    effect = 3 * actuators(s)
-    for f in range(s.flaps + s.pitch):
-        # Flaps come blade by blade, pitch behind them.
-        own, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
-        at = first + own
-        one, two, three = values[at] * limits[effect + own], 0.0, 0.0
-        mean, turning = one, 0.0
-        if s.blades == BLADES:
-            two = values[at + next_blade] * limits[effect + own + next_blade]
-            three = values[at + 2 * next_blade] * limits[effect + own + 2 * next_blade]
-            mean, turning = THIRD * (one + two + three), 2.0 * THIRD
-        along, across = turning * (one + C1 * (two + three)), turning * (S1 * (three - two))
-        inputs[place], inputs[place + 1] = mean, cosine * along + sine * across
-        inputs[place + 2] = sine * along - cosine * across
-        place += BLADES
+    count, each = actuators(s), s.flaps + s.pitch
+    # Unsigned, as in `move`.
+    effect, headings, all_of, wide = (
+        np.uint64(3 * count * n),
+        np.uint64(8 * count * n),
+        np.uint64(n),
+        np.uint64(width),
+    )
+    for q in range(many):
+        begin = np.uint64(first + q * count * n)
+        for f in range(each):
+            # Flaps come blade by blade, pitch behind them.
+            own, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
+            a, on, to = (
+                np.uint64(own * n),
+                np.uint64(next_blade * n),
+                np.uint64(place + BLADES * (q * each + f)),
+            )
+            b, c = a + on, a + on + on
+            for t in range(all_of):
+                one, along, across = values[begin + a + t] * table[effect + a + t], 0.0, 0.0
+                mean = one
+                if s.blades == BLADES:
+                    two = values[begin + b + t] * table[effect + b + t]
+                    three = values[begin + c + t] * table[effect + c + t]
+                    mean = THIRD * (one + two + three)
+                    along = 2.0 * THIRD * (one + C1 * (two + three))
+                    across = 2.0 * THIRD * (S1 * (three - two))
+                cosine, sine, at = table[headings + t], table[headings + all_of + t], t * wide + to
+                inputs[at], inputs[at + 1] = mean, cosine * along + sine * across
+                inputs[at + 2] = sine * along - cosine * across
+
+
+@njit(**WITHIN)
+def choose(s, n, motion, settling, inputs, width):  # type: ignore[no-untyped-def]
+    """Take out of the inputs of n turbines what does not hold: the command where a stop was met, else what is stepwise.
+
+    Turbine by turbine: what one does must not depend on who is stepped beside it. And take from the rate that pitch
+    gained step by step what angle and rate at its start account for.
+    """
+    count, each = actuators(s), BLADES * (s.flaps + s.pitch)
+    for t in range(n):
+        met, own = 0.0, t * width
+        for i in range(count):
+            met += motion[(5 * count + i) * n + t]
+        if met == 0.0:
+            for c in range(s.given, width):
+                inputs[own + c] = 0.0
+        else:
+            for c in range(s.commanded):
+                inputs[own + c] = 0.0
+            for c in range(BLADES * s.flaps, each):
+                angle, rate = inputs[own + s.commanded + c], inputs[own + s.commanded + each + c]
+                for j in range(s.steps):
+                    inputs[own + s.given + j * each + c] -= (
+                        settling[2 * j] * angle + settling[2 * j + 1] * rate
+                    )
 
 
 @njit(**OPTIONS)
-def settle(s, settling, inputs):  # type: ignore[no-untyped-def]
-    """Take from the rate that pitch gained step by step what angle and rate at its start account for."""
-    each = BLADES * (s.flaps + s.pitch)
-    for c in range(BLADES * s.flaps, each):
-        angle, rate = inputs[s.commanded + c], inputs[s.commanded + each + c]
-        for j in range(s.steps):
-            inputs[s.given + j * each + c] -= settling[2 * j] * angle + settling[2 * j + 1] * rate
+def let_decay(decay, modes):  # type: ignore[no-untyped-def]
+    """Leave of the modes (2 M,) of a turbine what an interval does; next to nothing becomes nothing.
+
+    What flaps at rest leave in the modes would decay to denormal numbers, which take ten times as long.
+    """
+    # In place, which `leave` cannot be without losing its vectors: a tenth of a step of one turbine is here.
+    nothing, half = modes.dtype.type(0.0), modes.size // 2
+    along, across = modes[:half], modes[half:]
+    for m in range(half):
+        first = decay[m] * along[m] - decay[half + m] * across[m]
+        second = decay[m] * across[m] + decay[half + m] * along[m]
+        along[m] = first if abs(first) > NEXT_TO_NOTHING else nothing
+        across[m] = second if abs(second) > NEXT_TO_NOTHING else nothing
 
 
 @njit(**OPTIONS)
-def add_inputs(matrix, first, inputs, least, most, result):  # type: ignore[no-untyped-def]
-    """Add inputs[q] times row `first` + q for q from `least` up to `most`, multiples of three, which share a pass.
+def leave(decay, modes, after):  # type: ignore[no-untyped-def]
+    """Add what an interval leaves of the modes of turbines, (n 2 M,), to what came in it, as `let_decay`."""
+    nothing, half = after.dtype.type(0.0), np.uint64(decay.size // 2)
+    for at in range(np.uint64(0), np.uint64(modes.size), half + half):
+        for m in range(half):
+            real, imaginary = at + m, at + half + m
+            first = after[real] + decay[m] * modes[real] - decay[half + m] * modes[imaginary]
+            second = after[imaginary] + decay[m] * modes[imaginary] + decay[half + m] * modes[real]
+            after[real] = first if abs(first) > NEXT_TO_NOTHING else nothing
+            after[imaginary] = second if abs(second) > NEXT_TO_NOTHING else nothing
+
+
+@njit(**OPTIONS)
+def add_inputs(matrix, first, inputs, most, result):  # type: ignore[no-untyped-def]
+    """Add inputs[q] times row `first` + q for q up to `most`, a multiple of three, which share a pass.
 
     Three that are zero, as of flaps that rest, are left out; nine share a pass where none is.
     """
-    q = least
+    q = 0
     while q < most:
         if inputs[q] == 0.0 and inputs[q + 1] == 0.0 and inputs[q + 2] == 0.0:
             q += 3
@@ -294,36 +267,45 @@ def read_modes(matrix, first, modes, result):  # type: ignore[no-untyped-def]
 
 
 @njit(**OPTIONS)
-def let_decay(decay, modes):  # type: ignore[no-untyped-def]
-    """Leave of the modes (2 M,) of a turbine what an interval does; next to nothing becomes nothing.
-
-    What flaps at rest leave in the modes would decay to denormal numbers, which take ten times as long.
-    """
-    nothing, half = modes.dtype.type(0.0), modes.size // 2
-    along, across = modes[:half], modes[half:]
-    for m in range(half):
-        first = decay[m] * along[m] - decay[half + m] * across[m]
-        second = decay[m] * across[m] + decay[half + m] * along[m]
-        along[m] = nothing if abs(first) < NEXT_TO_NOTHING else first
-        across[m] = nothing if abs(second) < NEXT_TO_NOTHING else second
-
-
-@njit(**OPTIONS)
 def on_blades(mean, along, across, cosine, sine):  # type: ignore[no-untyped-def]
     """Of three blades, from components in the frame in which blade 1 stands at that cosine and sine."""
     with_first, beside = along * cosine + across * sine, across * cosine - along * sine
     return mean + with_first, mean + C1 * with_first + S1 * beside, mean + C1 * with_first - S1 * beside
 
 
-@njit(**OPTIONS)
-def read_blades(s, rows, cosine, sine, last, rbm_square, samples):  # type: ignore[no-untyped-def]
-    """Blade quantities: their last sample, mean squares of the root moment and, where they are wanted, all samples."""
-    whole = s.blades == BLADES
+@njit(**WITHIN)
+def tell(s, n, t, further, beside, angle, table, motion, work, rows, wind, level, told, squares, samples):  # type: ignore[no-untyped-def]
+    """All that turbine t of n tells; returns the mean square of its angles over their stops.
+
+    Parameters
+    ----------
+    s : Sizes
+    n, t : int
+    further, beside : float
+        Cosine and sine of the azimuth of an interval.
+    angle : float
+        Azimuth of blade 1 at the end, turns and all.
+    table, motion, work : float
+        As in `components` and `move`.
+    rows : (rows,) float
+        Loads, the wind's part added.
+    wind, level : (rows + kept,) float, float
+        The wind itself is behind what it does to the rows; the factor on it.
+    told : (last_size,) float
+        Filled: the last sample.
+    squares : (blades + fixed_outputs,) float
+        Filled: mean squares of the root moments, then of the fixed outputs.
+    samples : (k, size) float
+        Filled where they are wanted.
+    """
+    whole, count, kept = s.blades == BLADES, actuators(s), s.kept
+    m = count * n
+    cosine, sine = table[8 * m + t], table[8 * m + n + t]
     row = 0
     for quantity in range(s.blade_outputs):
-        place, count = quantity * s.blades, s.steps if quantity == 0 else s.kept
+        place, steps = quantity * s.blades, s.steps if quantity == 0 else kept
         one, two, three, first, second, third = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for j in range(count):
+        for j in range(steps):
             one = float(rows[row])
             if whole:
                 one, two, three = on_blades(one, float(rows[row + 1]), float(rows[row + 2]), cosine, sine)
@@ -335,229 +317,47 @@ def read_blades(s, rows, cosine, sine, last, rbm_square, samples):  # type: igno
                 if whole:
                     samples[j, place + 1], samples[j, place + 2] = two, three
             row += BLADES
-        last[place] = one
+        told[place] = one
         if whole:
-            last[place + 1], last[place + 2] = two, three
+            told[place + 1], told[place + 2] = two, three
         if quantity == 0:
-            rbm_square[0] = first / count
+            squares[0] = first / steps
             if whole:
-                rbm_square[1], rbm_square[2] = second / count, third / count
-    for place in range(s.blade_outputs * s.blades, s.blade_places * s.blades):
-        last[place] = math.nan
-
-
-@njit(**OPTIONS)
-def read_fixed(s, rows, wind, level, place, last, fixed_square, samples):  # type: ignore[no-untyped-def]
-    """Fixed outputs and the wind, last from `place` on; samples from their place on."""
-    row, kept = s.rows - s.fixed_outputs * s.kept, s.kept
-    column = s.blade_places * s.blades + 2 * actuators(s)
+                squares[1], squares[2] = second / steps, third / steps
+    place = s.blade_places * s.blades
+    for unknown in range(s.blade_outputs * s.blades, place):
+        told[unknown] = math.nan
+    square = 0.0
+    for i in range(count):
+        at = i * n + t
+        told[place + i], told[place + count + i] = motion[at], motion[m + at]
+        told[place + 2 * count + i], told[place + 3 * count + i] = motion[3 * m + at], motion[5 * m + at]
+        square += motion[4 * m + at] if i < s.blades * s.flaps else 0.0
+        for j in range(s.steps * s.record):
+            samples[j, place + i] = work[(1 + 2 * s.steps + j) * m + at]
+            samples[j, place + count + i] = work[(1 + 3 * s.steps + j) * m + at]
+    column, place = place + 2 * count, place + 4 * count
     for quantity in range(s.fixed_outputs):
-        value, square = 0.0, 0.0
+        value, sum_of_squares = 0.0, 0.0
         for j in range(kept):
-            value = float(rows[row + j])
-            square += value * value
+            value = float(rows[row])
+            sum_of_squares += value * value
             if s.record:
                 samples[j, column + quantity] = value
-        last[place + quantity] = value
-        fixed_square[quantity] = square / kept
-        row += kept
-    for quantity in range(s.fixed_outputs, s.fixed_places):
-        last[place + quantity] = math.nan
+            row += 1
+        told[place + quantity], squares[s.blades + quantity] = value, sum_of_squares / kept
+    for unknown in range(s.fixed_outputs, s.fixed_places):
+        told[place + unknown] = math.nan
+    place += s.fixed_places
     if s.record:
         for j in range(kept):
             samples[j, column + s.fixed_places] = wind[s.rows + j] * level
-    last[place + s.fixed_places] = wind[s.rows + kept - 1] * level
-
-
-@njit(**OPTIONS)
-def heading(s, azimuth, elapsed, cosine, sine):  # type: ignore[no-untyped-def]
-    """Azimuth at the end of an interval, within a turn, its cosine and its sine, from those at the beginning."""
-    angle = azimuth + s.turn * s.steps * (elapsed + 1)
+    told[place] = wind[s.rows + kept - 1] * level
     # Rounding must not leave a turn.
-    within = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
-    return within, cosine * s.cosine - sine * s.sine, sine * s.cosine + cosine * s.sine
-
-
-@njit(**OPTIONS)
-def sizes_of(p):  # type: ignore[no-untyped-def]
-    """Sizes of parameters."""
-    return Sizes(
-        p.steps,
-        p.intervals,
-        p.kept,
-        p.blades,
-        p.flaps,
-        p.pitch,
-        p.blade_outputs,
-        p.fixed_outputs,
-        p.blade_places,
-        p.fixed_places,
-        int(p.record),
-        p.read.shape[0],
-        p.read.shape[1],
-        BLADES * (p.flaps + p.pitch) * (4 if p.lags else 3),
-        BLADES * (p.flaps + p.pitch) * (2 if p.lags else 1),
-        int(p.lags),
-        p.time_step,
-        p.turn,
-        p.lag_decay,
-        math.cos(p.turn * p.steps),
-        math.sin(p.turn * p.steps),
-    )
-
-
-@njit(**OPTIONS)
-def work_size(s):  # type: ignore[no-untyped-def]
-    """Numbers `move` works with."""
-    return s.blades * (s.flaps + s.pitch) * (2 + 2 * s.steps)
-
-
-@njit(**OPTIONS)
-def last_size(s):  # type: ignore[no-untyped-def]
-    """Numbers a turbine tells of the last sample."""
-    return s.blade_places * s.blades + 4 * actuators(s) + s.fixed_places + 4
-
-
-@njit(**WITHIN)
-def move_many(p, actions, flaps, command, gained, jumps, stopped, square, samples):  # type: ignore[no-untyped-def]
-    """`move` for n turbines, which stand innermost; returns whether a stop was met and whether angles jumped.
-
-    Changes flaps (4, blades A, n); fills command (blades A, n), rate gained and jumps (k, blades A, n), who met a stop
-    (blades A, n), the sum of squared angles over stops (n,) and, where they are wanted, the samples (n, k, size).
-    """
-    count, n = command.shape
-    at = p.blade_places * p.blades
-    dt, decay = p.time_step, p.lag_decay
-    met_any, jumped = 0.0, 0.0
-    square[:] = 0.0
-    for i in range(count):
-        top_angle, top_rate, most = p.angle_limit[i], p.rate_limit[i], p.acceleration[i]
-        gain, stiffness, damping = p.lag_gain[i], p.stiffness[i], p.damping[i]
-        counts = 1.0 if i < p.blades * p.flaps else 0.0
-        angle, rate, lagged, travel = flaps[0, i], flaps[1, i], flaps[2, i], flaps[3, i]
-        held, met = command[i], stopped[i]
-        for t in range(n):
-            held[t], met[t] = min(max(actions[t, i], -1.0), 1.0) * most, 0.0
-        for j in range(p.steps):
-            gained_now, jump_now = gained[j, i], jumps[j, i]
-            for t in range(n):
-                acting = held[t] + gain * (lagged[t] - held[t])
-                acting -= stiffness * angle[t] + damping * rate[t]
-                moved, after, jump, hit = flap_step(angle[t], rate[t], acting, dt, top_angle, top_rate)
-                lagged[t] = held[t] + decay * (lagged[t] - held[t])
-                travel[t] += abs(moved - angle[t])
-                square[t] += counts * (moved / top_angle) ** 2
-                gained_now[t], jump_now[t] = after - rate[t], jump
-                angle[t], rate[t] = moved, after
-                met[t] = max(met[t], 1.0 * hit)
-                jumped += abs(jump)
-            for t in range(n * p.record):
-                samples[t, j, at + i], samples[t, j, at + count + i] = angle[t], rate[t]
-        for t in range(n):
-            met_any += met[t]
-    return met_any > 0.0, jumped > 0.0
-
-
-@njit(**WITHIN)
-def choose(stopped, command, lagged, gained):  # type: ignore[no-untyped-def]
-    """Leave the command of turbines whose actuators are all free, and the rate gained in every step of the others.
-
-    Turbine by turbine, and not for all at once: what one does must not depend on who is stepped beside it.
-    """
-    count, n = stopped.shape
-    for t in range(n):
-        met = 0.0
-        for i in range(count):
-            met = max(met, stopped[i, t])
-        for i in range(count):
-            command[i, t] *= 1.0 - met
-            lagged[i, t] *= 1.0 - met
-            for j in range(len(gained)):
-                gained[j, i, t] *= met
-
-
-@njit(**OPTIONS)
-def components_many(values, effectiveness, s, cosine, sine, given, place):  # type: ignore[no-untyped-def]
-    """Components of a quantity of the actuators (blades A, n) into columns of `given`, from `place` on, three each."""
-    for f in range(s.flaps + s.pitch):
-        at = place + BLADES * f
-        first, next_blade = (f, s.flaps) if f < s.flaps else (s.blades * s.flaps, 1)
-        for t in range(cosine.size):
-            one = values[first, t] * effectiveness[first]
-            if s.blades < BLADES:
-                given[t, at], given[t, at + 1], given[t, at + 2] = one, 0.0, 0.0
-            else:
-                second, third = first + next_blade, first + 2 * next_blade
-                two, three = (
-                    values[second, t] * effectiveness[second],
-                    values[third, t] * effectiveness[third],
-                )
-                # What turns with blade 1, and what stands across it.
-                along, across = one + C1 * (two + three), S1 * (three - two)
-                given[t, at] = THIRD * (one + two + three)
-                given[t, at + 1] = 2.0 * THIRD * (cosine[t] * along + sine[t] * across)
-                given[t, at + 2] = 2.0 * THIRD * (sine[t] * along - cosine[t] * across)
-
-
-@njit(**OPTIONS)
-def decay_many(decay, modes, after):  # type: ignore[no-untyped-def]
-    """Add what an interval leaves of the modes of many turbines."""
-    half = decay.shape[1]
-    real, imaginary = decay[0], decay[1]
-    for t in range(len(modes)):
-        along, across, up, beside = modes[t, :half], modes[t, half:], after[t, :half], after[t, half:]
-        for m in range(half):
-            first = up[m] + real[m] * along[m] - imaginary[m] * across[m]
-            second = beside[m] + real[m] * across[m] + imaginary[m] * along[m]
-            # Smaller ones decay to denormal numbers, which take a processor ten times as long.
-            up[m] = first if abs(first) > NEXT_TO_NOTHING else 0.0
-            beside[m] = second if abs(second) > NEXT_TO_NOTHING else 0.0
-
-
-@njit(**WITHIN)
-def add_jumps(p, s, jumps, cosine, sine, after, rows):  # type: ignore[no-untyped-def]
-    """What jumps of angles (k, blades A, n) did to modes and rows: few actuators hit a stop at once."""
-    k, count, n = jumps.shape
-    width = BLADES * (s.flaps + s.pitch)
-    one, inputs = np.empty((count, 1)), np.empty((1, width), after.dtype)
-    for j in range(k):
-        row = s.given + width * (k + j)
-        for t in range(n):
-            total = 0.0
-            for i in range(count):
-                one[i, 0] = jumps[j, i, t]
-                total += abs(jumps[j, i, t])
-            if total > 0.0:
-                components_many(one, p.effectiveness, s, cosine[t : t + 1], sine[t : t + 1], inputs, START)
-                add_inputs(p.push, row, inputs[0], START, width, after[t])
-                add_inputs(p.feed, row, inputs[0], START, width, rows[t])
-
-
-@njit(**WITHIN)
-def read_many(s, episode, elapsed, rows, flaps, stopped, square, cosine, sine, first, loads):  # type: ignore[no-untyped-def]
-    """Loads of turbines from `first` on from their rows, the wind's response added."""
-    last, rbm_square, angle_square, fixed_square, samples = loads
-    responses = episode.responses
-    count, n = len(stopped), len(rows)
-    at = s.blade_places * s.blades
-    fixed_at = at + 4 * count
-    wind_at = fixed_at + s.fixed_places
-    own = np.empty(s.rows)
-    for t in range(n):
-        turbine = first + t
-        level, since = episode.level[turbine], elapsed[turbine]
-        wind, told = responses[episode.place[turbine], min(since, s.intervals - 1)], last[turbine]
-        each = samples[turbine]
-        for r in range(s.rows):
-            own[r] = rows[t, r] + wind[r] * level
-        read_blades(s, own, cosine[t], sine[t], told, rbm_square[turbine], each)
-        read_fixed(s, own, wind, level, fixed_at, told, fixed_square[turbine], each)
-        for i in range(count):
-            told[at + i], told[at + count + i] = flaps[0, i, t], flaps[1, i, t]
-            told[at + 2 * count + i], told[at + 3 * count + i] = flaps[3, i, t], stopped[i, t]
-        turned = heading(s, episode.azimuth[turbine], since, cosine[t], sine[t])
-        told[wind_at + 1], told[wind_at + 2], told[wind_at + 3] = turned
-        angle_square[turbine] = square[t] / (s.steps * s.blades * s.flaps)
+    told[place + 1] = min(max(angle - TURN * math.floor(angle / TURN), 0.0), TURN)
+    told[place + 2] = cosine * further - sine * beside
+    told[place + 3] = sine * further + cosine * beside
+    return square / (s.steps * s.blades * s.flaps)
 
 
 def _entry(edition: int) -> Any:
@@ -566,64 +366,78 @@ def _entry(edition: int) -> Any:
     @kept
     def step(p, episode, state, actions):  # type: ignore[no-untyped-def]
         _ = edition
-        s, n, count, k = sizes_of(p), state.elapsed.size, p.angle_limit.size, p.steps
-        kind, width = p.read.dtype, BLADES * (p.flaps + p.pitch)
-        flaps, modes, elapsed = np.empty((4, count, n)), np.empty(state.modes.shape, kind), state.elapsed
-        last, rbm_square, angle_square = np.empty((n, last_size(s))), np.empty((n, s.blades)), np.empty(n)
-        fixed_square = np.empty((n, s.fixed_outputs))
-        wide = s.record * (s.blade_places * s.blades + 2 * count + s.fixed_places + 1)
-        loads = (last, rbm_square, angle_square, fixed_square, np.empty((n, k * s.record, wide)))
+        s, n, kind = p.sizes, state.elapsed.size, p.C.dtype
+        count, k, each = actuators(s), s.steps, BLADES * (s.flaps + s.pitch)
+        settling, decay, total = p.settling.ravel(), p.decay.ravel(), np.empty(s.rows)
+        turn = p.turn * k
+        cosine, sine = math.cos(turn), math.sin(turn)
+        listed = np.concatenate((p.actuators.ravel(), np.zeros(2)))
+        flaps, modes = np.empty((4, count, n)), np.empty((n, s.modes), kind)
+        last, squares = np.empty((n, last_size(s))), np.empty((n, s.blades + s.fixed_outputs))
+        angle_square = np.empty(n)
+        width = s.record * (s.blade_places * s.blades + 2 * count + s.fixed_places + 1)
+        samples = np.empty((n, k * s.record, width))
         for first in range(0, n, BLOCK):
             # What belongs to a block of turbines stays in the nearer caches while all is done with it.
             some = slice(first, min(first + BLOCK, n))
-            azimuth = episode.azimuth[some] + p.turn * k * elapsed[some]
-            cosine, sine = np.cos(azimuth), np.sin(azimuth)
-            size = cosine.size
-            started, command, stopped = (
-                np.empty((4, count, size)),
-                np.empty((count, size)),
-                np.empty((count, size)),
-            )
-            gained, jumps, square = np.empty((k, count, size)), np.empty((k, count, size)), np.empty(size)
-            before, after = state.modes[some], modes[some]
+            azimuth = episode.azimuth[some] + turn * state.elapsed[some]
+            size = azimuth.size
+            table = np.repeat(listed, size)
+            for t in range(size):
+                table[8 * count * size + t] = math.cos(azimuth[t])
+                table[8 * count * size + size + t] = math.sin(azimuth[t])
+            motion, work = np.empty(MOTION * count * size), np.empty(size * work_size(s))
             # Number by number: with a slice numba compiles the message that its size is another, for two seconds.
             for what in range(4):
                 for i in range(count):
                     for t in range(size):
-                        started[what, i, t] = state.flaps[what, i, first + t]
-            moved = started.copy()
-            met, jumped = move_many(
-                p, actions[some], moved, command, gained, jumps, stopped, square, loads[4][some]
-            )
+                        motion[(what * count + i) * size + t] = state.flaps[what, i, first + t]
+            started = motion.copy()
+            met, jumped = move(s, size, p.time_step, table, actions[some].ravel(), motion, work)
+            wide, m = s.given + each * k * met, count * size
+            inputs = np.empty(size * wide, kind)
+            components(s, size, table, work, START, ONE, inputs, wide, START)
+            if s.lags:
+                components(s, size, table, started, 2 * m, ONE, inputs, wide, each)
+            components(s, size, table, started, START, TWO, inputs, wide, s.commanded)
+            components(s, size, table, work, m, k * met, inputs, wide, s.given)
             if met:
-                choose(stopped, command, started[2], gained)
-            wide = s.given + width * k * met
-            given = np.empty((size, wide), kind)
-            components_many(command, p.effectiveness, s, cosine, sine, given, START)
-            if p.lags:
-                components_many(started[2], p.effectiveness, s, cosine, sine, given, width)
-            components_many(started[0], p.effectiveness, s, cosine, sine, given, s.commanded)
-            components_many(started[1], p.effectiveness, s, cosine, sine, given, s.commanded + width)
-            for j in range(k * met):
-                components_many(gained[j], p.effectiveness, s, cosine, sine, given, s.given + j * width)
-            for t in range(size * met * p.pitch):
-                if stopped[:, t].any():
-                    settle(s, p.settling.ravel(), given[t])
-            np.dot(given, p.push[:wide], after)
-            decay_many(p.decay, before, after)
-            rows, fed = np.empty((size, s.rows), kind), np.empty((size, s.rows), kind)
-            np.dot(before, p.read, rows)
-            np.dot(given, p.feed[:wide], fed)
-            rows += fed
+                choose(s, size, motion, settling, inputs, wide)
+            given, before, after = inputs.reshape((size, wide)), state.modes[some], modes[some]
+            rows, more = np.empty((size, s.rows), kind), np.empty((size, s.rows), kind)
+            np.dot(given, p.B[:wide], after)
+            leave(decay, before.reshape(-1), after.reshape(-1))
+            np.dot(before, p.C, rows)
+            np.dot(given, p.D[:wide], more)
+            rows += more
             if jumped:
-                add_jumps(p, s, jumps, cosine, sine, after, rows)
+                # Few actuators hit a stop at once.
+                leaps, jump_at = np.empty(size * each * k, kind), s.given + each * k
+                components(s, size, table, work, (1 + k) * m, k, leaps, each * k, START)
+                for t in range(size):
+                    own, leapt = leaps[t * each * k : (t + 1) * each * k], 0.0
+                    for q in range(each * k):
+                        leapt += abs(own[q])
+                    if leapt == 0.0:
+                        continue
+                    add_inputs(p.B, jump_at, own, each * k, after[t])
+                    add_inputs(p.D, jump_at, own, each * k, rows[t])
             for what in range(4):
                 for i in range(count):
                     for t in range(size):
-                        flaps[what, i, first + t] = moved[what, i, t]
-            read_many(s, episode, elapsed, rows, moved, stopped, square, cosine, sine, first, loads)
+                        flaps[what, i, first + t] = motion[(what * count + i) * size + t]
+            for t in range(size):
+                at = first + t
+                elapsed, level = state.elapsed[at], episode.level[at]
+                wind = episode.responses[episode.place[at], min(elapsed, s.intervals - 1)]
+                for row in range(s.rows):
+                    total[row] = rows[t, row] + wind[row] * level
+                angle, told, own, every = azimuth[t] + turn, last[at], squares[at], samples[at]
+                angle_square[at] = tell(
+                    s, size, t, cosine, sine, angle, table, motion, work, total, wind, level, told, own, every
+                )
         # Plain tuples: to make a named one Python's own code runs, and an interrupt there is the end of the process.
-        return (elapsed + 1, flaps, modes), loads
+        return (state.elapsed + 1, flaps, modes), (last, squares, angle_square, samples)
 
     return step
 
@@ -634,5 +448,7 @@ _step = _entry(EDITION)
 def step(parameters: Parameters, episode: Episode, state: State, actions: FloatArray) -> tuple[State, Loads]:
     """Hold actions for k plant steps; as `flapgym.plant.backends.numpy.step`."""
     # Of one type: for another the code would be compiled anew, in the midst of an episode.
-    after, loads = run_kept(_step, parameters, episode, state, np.array(actions, dtype=float))
-    return State(*after), Loads(*loads)
+    after, told = run_kept(_step, parameters, episode, state, np.array(actions, dtype=float))
+    last, squares, angle_square, samples = told
+    blades = parameters.sizes.blades
+    return State(*after), Loads(last, squares[:, :blades], angle_square, squares[:, blades:], samples)

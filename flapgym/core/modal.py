@@ -19,23 +19,21 @@ CONDITION_LIMIT = 1e8
 AGREEMENT = 1e-9
 """Largest difference from the matrix form over the trial run, relative to the largest value."""
 TRIAL_STEPS = 300
+CHUNK = 2048
+"""Steps whose modes a simulation keeps at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class Modal:
-    """z^{n+1} = values * z^n + drive u^n, y^n = Re(read z^n) + D u^n.
+    """z^{n+1} = values * z^n + B u^n, y^n = Re(C z^n) + D u^n.
 
-    Of each complex pair of modes only the one with the positive imaginary part is kept, its row of
-    ``read`` counted twice; a real mode stays real.
+    Of each complex pair of modes only the one with the positive imaginary part is kept, its column of C counted
+    twice; a real mode stays real.
 
     Attributes
     ----------
-    values : (m,) complex
-        Eigenvalues.
-    drive : (m, nu) complex
-        Inputs to modes.
-    read : (ny, m) complex
-        Modes to outputs.
+    values : (m,), B : (m, nu), C : (ny, m) complex
+        Eigenvalues, inputs to modes, modes to outputs.
     D : (ny, nu) float
         Feedthrough.
     time_step : float
@@ -44,15 +42,13 @@ class Modal:
         Names, as in the state space.
     condition : float
         Condition number of the scaled eigenvectors.
-    project : (m, n) complex
-        States of the state space to modes.
-    expand : (n, m) complex
-        Modes to states: x = Re(expand z).
+    project : (m, n), expand : (n, m) complex
+        States to modes; modes to states, x = Re(expand z).
     """
 
     values: ComplexArray
-    drive: ComplexArray
-    read: ComplexArray
+    B: ComplexArray
+    C: ComplexArray
     D: Array
     time_step: float
     inputs: tuple[str, ...]
@@ -66,15 +62,64 @@ class Modal:
         """Number of modes kept: pairs count once."""
         return int(self.values.size)
 
-    def simulate(self, u: Array) -> Array:
-        """Outputs (T, ny) from rest for inputs u (T, nu), one step at a time."""
-        drive = u @ self.drive.T
-        z = np.zeros(self.order, dtype=complex)
-        states = np.empty((u.shape[0], self.order), dtype=complex)
-        for n in range(u.shape[0]):
-            states[n] = z
-            z = self.values * z + drive[n]
-        return np.asarray((states @ self.read.T).real + u @ self.D.T)
+    def equilibrium(self, u: Array) -> ComplexArray:
+        """Modes (m,) under a constant input (nu,)."""
+        return np.asarray(self.B @ u / (1.0 - self.values))
+
+    def simulate(self, u: Array, modes: ComplexArray | None = None) -> Array:
+        """Outputs (T, ny) for inputs u (T, nu), one step at a time, from modes (m,) at sample 0 or from rest."""
+        outputs = u @ self.D.T
+        start = np.zeros(self.order, dtype=complex) if modes is None else modes
+        for first in range(0, len(u), CHUNK):
+            some = slice(first, first + CHUNK)
+            starts, start = marched(self.values, start, u[some] @ self.B.T)
+            outputs[some] += (starts @ self.C.T).real
+        return np.asarray(outputs)
+
+    def frequency_response(self, frequency: Array) -> ComplexArray:
+        """Outputs over inputs (F, ny, nu) at frequencies (F,) [Hz]."""
+        ahead = np.exp(2j * np.pi * frequency * self.time_step)[:, None]
+        # A mode stands for itself and its conjugate, and its column is counted twice; so is that of a real one, halved.
+        own, conjugate = 1.0 / (ahead - self.values), 1.0 / (ahead - self.values.conj())
+        answer = (own[:, None] * self.C) @ self.B
+        answer += (conjugate[:, None] * self.C.conj()) @ self.B.conj()
+        return np.asarray(0.5 * answer + self.D)
+
+    def stationary_covariance(self) -> Array:
+        """Covariance (n, n) of the states under unit white noise, at the cost of a product.
+
+        In modal coordinates the Lyapunov equation is solved entry by entry: E[z_i conj(z_j)] =
+        b_i b_j' / (1 - l_i conj(l_j)) with b_j conjugate, and E[z_i z_j] alike without the conjugates.
+        """
+        b, values, expand = self.B, self.values, self.expand
+        direct = b @ b.conj().T / (1.0 - np.outer(values, values.conj()))
+        mirrored = b @ b.T / (1.0 - np.outer(values, values))
+        return np.asarray(0.5 * (expand @ direct @ expand.conj().T + expand @ mirrored @ expand.T).real)
+
+    def stationary_root(self) -> Array:
+        """Map (2 m, n) of standard normal numbers to stationary modes, real and imaginary parts alternating.
+
+        The symmetric root of the states' covariance, each state scaled to unit variance: unlike a factor of the modes'
+        it does not depend on the order and the phase in which a machine happens to return its eigenvectors.
+        """
+        covariance = self.stationary_covariance()
+        scale = np.sqrt(np.diag(covariance))
+        scale[scale == 0.0] = 1.0
+        weights, vectors = scipy.linalg.eigh(covariance / np.outer(scale, scale))
+        root = scale[:, None] * (vectors * np.sqrt(np.clip(weights, 0.0, None))) @ vectors.T
+        modes = self.project @ root
+        return np.stack([modes.real, modes.imag], axis=1).reshape(2 * self.order, -1)
+
+
+def marched(
+    values: ComplexArray, modes: ComplexArray, pushes: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Modes (T, m) at the start of every step and (m,) after all, from the first (m,) and what steps add (T, m)."""
+    starts = np.empty((len(pushes), len(modes)), dtype=complex)
+    for start, push in zip(starts, pushes, strict=True):
+        start[:] = modes
+        modes = values * modes + push
+    return starts, modes
 
 
 def modal_form(system: StateSpace) -> Modal:
@@ -108,8 +153,8 @@ def modal_form(system: StateSpace) -> Modal:
     expand = (rows[:, None] * scaled[:, kept] * pair).astype(complex)
     modal = Modal(
         values=values[kept].astype(complex),
-        drive=project @ system.B,
-        read=system.C @ expand,
+        B=project @ system.B,
+        C=system.C @ expand,
         D=system.D,
         time_step=system.time_step,
         inputs=system.inputs,

@@ -295,7 +295,8 @@ ELSEWHERE = {
 }
 """Functions whose refusals have a test of their own."""
 CHECKED_ALREADY = {
-    "scheduled_agent", "as_json", "as_markdown", "as_text", "blade_flap_inputs", "builtin_model_sets", "flap_inputs", "is_model_set",
+    "scheduled_agent",
+    "as_json", "as_markdown", "as_text", "blade_flap_inputs", "builtin_model_sets", "flap_inputs", "is_model_set",
     "lifetime_json", "lifetime_markdown", "lifetime_text", "lqg_agent", "made_for", "multiblade_pid_agent",
     "output_rms", "pd_agent", "pid_agent", "pitch_inputs", "register_environments", "run", "run_lifetime",
     "simulate_together", "strip_inputs", "synthesise", "white_wind", "write_lifetime", "write_report", "write_series",

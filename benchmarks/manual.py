@@ -171,7 +171,7 @@ def _scored(scores: Mapping[str, Any]) -> list[str]:
         f"{scores['realisations']} episodes of {scores['seconds']:g} s."
     )
     if not rows:
-        return [*textwrap.wrap(f"{text} No shipped agent moves so many flaps.", 120), ""]
+        return [*textwrap.wrap(f"{text} Agents that move so many flaps stand in docs/scores.md.", 120), ""]
     text = f"{text} The shipped agents, made for the base case and unchanged, change these means by:"
     return [
         *textwrap.wrap(text, 120),

@@ -90,7 +90,7 @@ def _door(options: argparse.Namespace) -> Work:
             found[entry.id] = {
                 "seconds": seconds,
                 "realisations": options.realisations,
-                # No shipped agent moves several flaps a blade.
+                # Of the agents of the base case none moves several flaps a blade.
                 "agents": scores(
                     entry,
                     options.agents if entry.agents else [OpenLoop.name],

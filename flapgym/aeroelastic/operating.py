@@ -21,7 +21,7 @@ def operating_case(case: Case, wind_speed: float) -> Case:
     """The case at a wind speed [m/s] of its schedule.
 
     With a table `[speed_control]` the pitch above rated is the one at which the air gives rated power, for that is what
-    the control holds: a blade that twists needs less than the listed pitch of a stiff one.
+    the control holds: well above rated a blade that twists needs less than the listed pitch of a stiff one.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 from flapgym.control.agent import Agent
@@ -17,6 +17,7 @@ from flapgym.control.linear_loop import linear_loop
 from flapgym.control.lqg import Weights, design_model, lqg_agent
 from flapgym.control.pd import PDGains, pd_agent
 from flapgym.control.pid import PIDGains, multiblade_pid_agent, pid_agent
+from flapgym.core.wording import shown
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.wind import Inflow, Kaimal
 
@@ -31,7 +32,7 @@ INFLOW = Inflow(shear_exponent=0.2, tower_shadow=True)
 """What those that know a field believe in: the normal turbulence and profile of IEC 61400-1 (2005), and a tower."""
 
 
-@cache
+@lru_cache(maxsize=32)
 def _made(name: str, model: TurbineModel, design: tuple[tuple[str, float], ...]) -> Agent:
     make, share = _law(name, model, dict(design)), 1.0
     while share > LEAST:
@@ -53,9 +54,10 @@ def agent_by_rule(name: str, model: TurbineModel, design: Mapping[str, Any]) -> 
     ValueError
         If no such design has the margin on the model, or the name is none of `RULED`.
     """
-    return _made(
-        name, model, tuple((key, value) for key, value in design.items() if isinstance(value, float))
-    )
+    if name not in RULED:
+        raise ValueError(f"by_rule.name: expected one of {', '.join(RULED)}, got {shown(name)}")
+    numbers = ((key, float(value)) for key, value in design.items() if isinstance(value, int | float))
+    return _made(name, model, tuple(numbers))
 
 
 def _law(name: str, model: TurbineModel, design: Mapping[str, float]) -> Callable[[float], Agent]:

@@ -77,6 +77,8 @@ def field_met(
     """The effective wind of a field for the root moments of a model's blades; errors as of `field_lqg`."""
     if not isinstance(field, Turbulence):
         raise ValueError(f"field: expected a turbulence over the disk with spectra, got {shown(field)}")
+    if inflow is not None and not isinstance(inflow, Inflow):
+        raise ValueError(f"inflow: expected an Inflow or None, got {shown(inflow)}")
     plate = nameplate(model.case)
     if not model.strips or plate.disk is None:
         raise ValueError(

@@ -27,7 +27,8 @@ def chosen_set(model: object) -> ModelSet:
         return model
     if not isinstance(model, str | os.PathLike):
         raise ValueError(
-            f"model: expected the name of a shipped set of models, a file of one or a ModelSet, got {shown(model)}"
+            f"model: expected the name of a shipped set of models, a file of one or a ModelSet, got "
+            f"{shown(model) if isinstance(model, int | float | None) else type(model).__name__}"
         )
     return load_model_set(model)
 
@@ -88,6 +89,8 @@ def speeds_within(models: ModelSet, wind_speed: object) -> tuple[float, ...]:
     low, high = (
         float(Quantity("speed").check(each, f"wind_speed[{i}]")) for i, each in enumerate(wind_speed)
     )
+    if low > high:
+        raise ValueError(f"wind_speed: expected the lowest first, got {number(low)}, then {number(high)} m/s")
     within = tuple(speed for speed in models.wind_speeds if low <= speed <= high)
     if not within:
         raise ValueError(

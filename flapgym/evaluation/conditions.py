@@ -12,7 +12,7 @@ import numpy as np
 
 from flapgym.core.fields import Quantity
 from flapgym.core.files import regular_file
-from flapgym.core.wording import number, one_line
+from flapgym.core.wording import number, one_line, shown
 from flapgym.model.model_set import is_model_set, load_model_set
 from flapgym.model.nameplate import nameplate
 from flapgym.model.turbine_model import TurbineModel, load_model
@@ -34,6 +34,8 @@ def chosen_model(
     if wind_speed is not None:
         Quantity("speed", at_least=1.0, at_most=100.0).check(wind_speed, "wind_speed")
     if not isinstance(model, TurbineModel):
+        if not isinstance(model, str | os.PathLike):
+            raise ValueError(f"model: expected a model, its name or its file, got {shown(model)}")
         if is_model_set(model):
             models = load_model_set(model)
             if wind_speed is None or not np.isclose(models.wind_speeds, wind_speed, rtol=1e-9).any():
@@ -85,7 +87,7 @@ def chosen_wind(
     found = dict(given)
     for name, value in (("box_shape", box_shape), ("box_spacing", box_spacing)):
         if value is not None and wind is None:
-            raise ValueError(f"{name}: expected none without a file of wind, got {tuple(value)}")
+            raise ValueError(f"{name}: expected none without a file of wind, got {shown(value)}")
     if wind is not None:
         for name in ("gust", "field", "turbulence_intensity", "length_scale"):
             found.pop(name, None)

@@ -28,7 +28,7 @@ FORMAT = 1
 """Of the files, and of what the numbers in them mean: a change of either makes this one more."""
 FOLDER = "lifetime-bins"
 LARGEST = 16 * MEGABYTE
-OF_SIMULATION = ("core", "wind", "plant", "control", "envs")
+OF_SIMULATION = ("core", "wind", "model", "plant", "control", "envs")
 OF_EVALUATION = ("bank", "channels", "cycles", "lifetime_study", "metrics", "record", "simulate")
 """Folders and files with code that decides what loads are found."""
 OWN = ("flapgym", "numpy", "builtins")

@@ -23,6 +23,7 @@ from flapgym.core.fields import Choice, Count, Quantity, TupleOf
 from flapgym.core.progress import ProgressBar
 from flapgym.core.wording import number
 from flapgym.envs.linear_range import LINEAR_SHARE, LinearRangeWarning
+from flapgym.envs.wind_speeds import chosen_set
 from flapgym.evaluation.bootstrap import Estimate
 from flapgym.evaluation.channels import SLOPES, channel_loads
 from flapgym.evaluation.comparison import LARGEST_SEED, LONGEST, SCORED_SEED, contestants
@@ -40,7 +41,7 @@ from flapgym.evaluation.metrics import measure
 from flapgym.evaluation.record import Record
 from flapgym.evaluation.series import check_series_folder, write_realisations
 from flapgym.evaluation.simulate import episode_length, get_ready, require_settings, simulate_together
-from flapgym.model import builtin_models, load_model, load_model_set
+from flapgym.model import builtin_models, load_model
 from flapgym.model.model_set import ModelSet
 from flapgym.model.turbine_model import TurbineModel
 from flapgym.wind.iec import REFERENCE_INTENSITIES, REFERENCE_SPEEDS
@@ -231,8 +232,7 @@ def plan_lifetime(
     Choice(tuple(REFERENCE_INTENSITIES)).check(turbulence_class, "turbulence_class")
     Choice(tuple(REFERENCE_SPEEDS)).check(wind_class, "wind_class")
     Quantity("number", above=0.0, at_most=LONGEST_LIFE).check(years, "years")
-    if not isinstance(models, ModelSet):
-        models = load_model_set(models)
+    models = chosen_set(models)
     places = _places(models, wind_speeds)
     chosen = tuple(models.at(models.wind_speeds[place]) for place in places)
     gravity = "gravity" in chosen[0].turbine.inputs

@@ -291,10 +291,9 @@ def draw_lifetime(life: Lifetime, file_format: str = "png") -> bytes:
     above.invert_yaxis()
     above.axvline(0.0, color=OPEN, linewidth=0.8)
     above.set_xlabel("change of the lifetime load [%]")
-    above.set_title(
+    figure.suptitle(  # of the figure: long names leave the axes too narrow for it
         f"Flapwise root moment, slope {number(FATIGUE_SLOPE)}: {number(life.years)} years, "
         f"wind class {life.wind_class}, turbulence class {life.turbulence_class}",
-        loc="left",
         fontsize=10,
     )
     best = min(names, key=lambda name: _at(life, name, HEADLINE, FATIGUE_SLOPE).change.mean)
@@ -304,7 +303,7 @@ def draw_lifetime(life: Lifetime, file_format: str = "png") -> bytes:
     for name, colour, aside in pair:
         parts = 100 * np.array(_at(life, name, HEADLINE, FATIGUE_SLOPE).damage)
         below.bar(speeds + aside * widths, parts, 0.36 * widths, color=colour, label=name)
-    below.legend(frameon=False)
+    figure.legend(*below.get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=2)
     below.set_xlabel("mean wind speed [m/s]")
     below.set_ylabel("damage [% of open loop's]")
     below.set_xticks(speeds)

@@ -15,12 +15,22 @@ from flapgym.structure.beam import tangent
 from flapgym.structure.rotation import rigid_displacement
 from flapgym.structure.support import shaft_beam
 from flapgym.turbine import Signals, load_case
-from flapgym.turbine.case import BLADE_LOADS, BLADE_MOTIONS, FIXED, HUB_LOADS, TOWER_MOTIONS
+from flapgym.turbine.case import (
+    BLADE_LOADS,
+    BLADE_MOTIONS,
+    HUB_LOADS,
+    TOWER_LOADS,
+    TOWER_MOTIONS,
+)
 from tests.aeroelastic.test_signals import harmonic, small
 
 CASE = load_case("nrel5mw-rated")
 MODES = 72
 CONE = CASE.turbine.rotor.precone
+
+
+PRESCRIBED = (*TOWER_LOADS, *TOWER_MOTIONS, *HUB_LOADS)
+"""What stands still of a turbine whose rotor speed is prescribed."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +41,7 @@ def undamped():
         CASE,
         turbine=turbine,
         reduction=replace(CASE.reduction, tower_modes=66),
-        signals=Signals(outputs=(*BLADE_LOADS, *BLADE_MOTIONS, *FIXED)),
+        signals=Signals(outputs=(*BLADE_LOADS, *BLADE_MOTIONS, *PRESCRIBED)),
     )
     steady = np.zeros((13, 6))
     steady[1:, :2] = [8e3, -1e3]

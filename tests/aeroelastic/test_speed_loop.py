@@ -34,7 +34,7 @@ def opened(case, monkeypatch):
     seen = []
     close = build.with_speed_loop
     monkeypatch.setattr(
-        build, "with_speed_loop", lambda turbine, its: seen.append(turbine) or close(turbine, its)
+        build, "with_speed_loop", lambda turbine, *its: seen.append(turbine) or close(turbine, *its)
     )
     return build.build_model(case), seen[0]
 

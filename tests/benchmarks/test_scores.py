@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.page import fill
 from benchmarks.scores import REPORTED, agents_for, main, page, short_table
-from flapgym.control import AGENT_NAMES, PDGains, pd_agent
+from flapgym.control import AGENT_NAMES, FIELD_AGENT_NAMES, PDGains, pd_agent
 from flapgym.envs.registration import ENVIRONMENTS
 from flapgym.evaluation import as_markdown, compare
 from tests.synthetic import synthetic_model
@@ -46,8 +46,9 @@ def test_where_blades_pitch_every_agent_stands_beside_individual_pitch_control()
     assert set(REPORTED) <= known.keys()
     assert agents_for(known[ID]) == AGENT_NAMES
     pitching = agents_for(known["flapgym/NREL5MWPitch-v0"])
-    assert pitching[:2] == ("individual_pitch", "individual_pitch+pd")
-    assert len(pitching) == len(AGENT_NAMES)
+    assert pitching[:3] == ("individual_pitch", "individual_pitch_2p", "individual_pitch+pd")
+    # Beside each agent of flaps but open loop, and the second one beside the last of those for a field.
+    assert len(pitching) == 2 + len(AGENT_NAMES) - 1 + len(FIELD_AGENT_NAMES) + 1
 
 
 def test_a_page_that_is_not_there_or_an_unknown_id_is_refused_in_one_line(capsys, tmp_path):

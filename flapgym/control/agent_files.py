@@ -98,11 +98,13 @@ def load_agent(name: str | os.PathLike[str], model: TurbineModel) -> Agent:
     if pitch in (INDIVIDUAL_PITCH, INDIVIDUAL_PITCH_2P):
         if plus and (not beside or beside.startswith(INDIVIDUAL_PITCH)):
             raise ValueError(f"agent {one_line(name)}: expected an agent of the flaps behind the +")
+        flaps = load_agent(beside, model) if beside else None
         return individual_pitch_agent(
-            str(name),
+            # By the name of what moves the flaps: a path would be none that tables can show.
+            pitch if flaps is None else f"{pitch}+{flaps.name}",
             model,
             CROSSOVER,
-            load_agent(beside, model) if beside else None,
+            flaps,
             second=SECOND_CROSSOVER if pitch == INDIVIDUAL_PITCH_2P else 0.0,
         )
     path = _find(name, model)

@@ -71,19 +71,18 @@ def _law(name: str, model: TurbineModel, design: Mapping[str, float]) -> Callabl
         found = {each.name: design[each.name] for each in fields(Weights)}
         return Weights(**{**found, "rbm": share * found["rbm"]})
 
-    if name.startswith("lqg_field"):
-        on = field_design(model, FIELD, INFLOW, multiblade=name.endswith("multiblade"))
+    if name.startswith("lqg"):
+        # Whatever the weights, what they weigh is prepared once.
+        if name.startswith("lqg_field"):
+            on = field_design(model, FIELD, INFLOW, multiblade=name.endswith("multiblade"))
+        else:
+            on = design_model(model, model.turbine if "multiblade" in name else None)
         return lambda share: lqg_agent(name, model, weights(share), on)
     laws: dict[str, Callable[[float], Agent]] = {
         "pd": lambda share: pd_agent(name, model, gains(PDGains, share)),
         "pid": lambda share: pid_agent(name, model, gains(PIDGains, share)),
         "individual_flap": lambda share: multiblade_pid_agent(
             name, model, gains(PIDGains, share, "collective_"), gains(PIDGains, share, "cyclic_")
-        ),
-        "lqg": lambda share: lqg_agent(name, model, weights(share)),
-        "lqg_saturating": lambda share: lqg_agent(name, model, weights(share)),
-        "lqg_multiblade_saturating": lambda share: lqg_agent(
-            name, model, weights(share), design_model(model, model.turbine)
         ),
     }
     return laws[name]

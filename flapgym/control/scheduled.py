@@ -45,6 +45,11 @@ class ScheduledAgent:
     """Its agents are each of another model."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.agents, tuple) or not isinstance(self.wind_speeds, tuple):
+            kinds = type(self.wind_speeds).__name__, type(self.agents).__name__
+            raise ValueError(
+                f"scheduled: expected tuples of wind speeds and of agents, got {kinds[0]}, {kinds[1]}"
+            )
         if not self.agents or len(self.agents) != len(self.wind_speeds):
             raise ValueError(
                 f"scheduled.agents: expected one for each of {len(self.wind_speeds)} wind speeds, at least one, "
@@ -55,9 +60,11 @@ class ScheduledAgent:
                 f"scheduled.wind_speeds: expected them ascending, each once, got {self.wind_speeds}"
             )
         for trait in ("observe", "steps_per_action", "time_step", "flaps", "pitches"):
-            found = {getattr(agent, trait, None) for agent in self.agents}
-            if len(found) > 1:
-                raise ValueError(f"scheduled.agents: expected the same {trait} of all, got {found}")
+            first, *others = (getattr(agent, trait, None) for agent in self.agents)
+            if any(other != first for other in others):
+                raise ValueError(
+                    f"scheduled.agents: expected the same {trait} of all, got {[first, *others]}"
+                )
 
     @property
     def observe(self) -> tuple[str, ...]:

@@ -58,6 +58,7 @@ class FlapRangeEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> None:
         self.models = chosen_set(model)
         self.wind_speeds = speeds_within(self.models, wind_speed)
+        Settings.of(keywords, type(self).__name__)  # refused by this class's own name
         self.render_mode = render_mode
         self._keywords = {**keywords, "render_mode": render_mode}
         self._members = dict[float, FlapEnv]()
